@@ -42,12 +42,12 @@ def main() -> None:
     options = parser.parse_args()
     model = rverror.Model(rverror.reducer("RV-40E"))
     tolerances = rverror.load_tolerances(TOLERANCES, model)
-    stack = rverror.stack(model, tolerances)
+    stack = rverror.tolerances.stack(model, tolerances)
     settings = {"sample": options.sample, "verify": options.verify}
 
     limits = [factor * options.limit * ARCSEC for factor in FRONT]
     singly = [timed(lambda limit=limit: rverror.allocate(stack, limit=limit, **settings)) for limit in limits]
-    together, front = timed(lambda: rverror.cost_front(stack, limits=limits, **settings))
+    together, front = timed(lambda: rverror.tolerances.cost_front(stack, limits=limits, **settings))
     alone = sum(seconds for seconds, _ in singly)
     print(f"one allocation {singly[2][0]:.1f} s; five {alone:.1f} s, as one front {together:.1f} s")
     print(f"ratio {alone / together:.2f}")

@@ -76,7 +76,7 @@ def plain_columns(unit: rverror.Reducer, effects: tuple[rverror.Effect, ...], th
     discs, cranks, ratio = range(unit.discs), range(unit.cranks), unit.ratio
     stage = unit.planet_teeth / unit.sun_teeth
     feedback = z_c * stage / ratio
-    turns = rverror.frame_orders(unit)
+    turns = rverror.geartrain.frame_orders(unit)
     ahead = [turns["crank"] * theta + 2 * math.pi * k / unit.discs for k in discs]
     place = [theta + 2 * math.pi * j / unit.cranks for j in cranks]
 

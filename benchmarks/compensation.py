@@ -154,7 +154,7 @@ def false_alarms(count: int) -> None:
     worth = 0
     for seed in range(count):
         chance = np.random.default_rng(seed)
-        noise = rverror.coloured_noise(theta.size, rms=0.5 * ARCSEC, step=1.0, correlation=8.0, random=chance)
+        noise = rverror.runs.coloured_noise(theta.size, rms=0.5 * ARCSEC, step=1.0, correlation=8.0, random=chance)
         run = rverror.run_from_arrays(input_angle=121 * theta, te=noise, direction="forward")
         worth += rverror.compensate(model, [run]).worth
     print(f"noise alone: {worth} of {count} runs have an order that is compensated")

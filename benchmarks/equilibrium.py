@@ -178,15 +178,15 @@ class PlainEnergy:
         return float(found.x[2] * self.unit_of[2])
 
 
-def worn(model: rverror.Model) -> rverror.Wear:
+def worn(model: rverror.Model) -> rverror.statics.Wear:
     """Wear at the rated torque and 15 rpm."""
     bodies = dict.fromkeys(("disc", "pin", "sun", "planet"), "1e-10 mm^3/(N*m)")
-    return rverror.wear(
+    return rverror.statics.wear(
         model,
         torque="412 N*m",
         speed="1815 rpm",
         hours=6000,
-        coefficients=rverror.WearCoefficients(**bodies),
+        coefficients=rverror.statics.WearCoefficients(**bodies),
         disc_width="9 mm",
         gear_width="8 mm",
     )
@@ -232,7 +232,7 @@ def report_operations(torque: str, clearance: str) -> None:
         print(Counted.done / len(solution.x), solution.steps.mean())
 
     theta = np.linspace(0, 2 * np.pi, 7)
-    predictor = Predictor(rverror.reducer("RV-40E"), rverror.Conditions(theta, 1.0, float(torque) * 1e3))
+    predictor = Predictor(rverror.reducer("RV-40E"), rverror.geartrain.Conditions(theta, 1.0, float(torque) * 1e3))
     model = model_of(rverror.reducer("RV-40E"), float(clearance))
     near = predictor.predict(model)
     kernel.solve = counting
@@ -265,7 +265,7 @@ def lot() -> float:
     )
     places = [(key, indices) for key in keys for indices in rverror.CATALOGUE[key].candidates(unit)]
     theta = 2 * np.pi * np.arange(LOT_ANGLES) / LOT_ANGLES
-    both = rverror.Conditions(np.tile(theta, 2), np.repeat([1.0, -1.0], LOT_ANGLES), 412e3)
+    both = rverror.geartrain.Conditions(np.tile(theta, 2), np.repeat([1.0, -1.0], LOT_ANGLES), 412e3)
     statics, rng = statics_of(unit, both), np.random.default_rng(1)
     start = perf_counter()
     for _ in range(LOT):
@@ -332,7 +332,7 @@ def main() -> None:
             model = model_of(unit, clearance)
             load = torque * 1e3
 
-            def whole(model: rverror.Model = model, load: float = load) -> rverror.Equilibrium:
+            def whole(model: rverror.Model = model, load: float = load) -> rverror.model.Equilibrium:
                 return rverror.equilibrium(model, theta, torque=load, direction=1)
 
             state = whole()
@@ -341,7 +341,7 @@ def main() -> None:
             print(f"{torque:g} N*m, {clearance:g} um of clearance in cam and carrier bearings")
             steps = f"{state.steps.mean():.1f} Newton steps, at most {state.steps.max()}"
             print(f"  {'rverror.equilibrium':36s}{time:10.1f} us an angle, aim {AIMS[clearance]:g}; {steps}")
-            predictor = Predictor(unit, rverror.Conditions(theta, 1.0, load))
+            predictor = Predictor(unit, rverror.geartrain.Conditions(theta, 1.0, load))
             near, next_one = predictor.predict(model), moved(model)
             warm = best(lambda p=predictor, m=next_one, n=near: p.predict(m, n)) / ANGLES * 1e6
             print(f"  {'a prediction with all derivatives':36s}{warm:10.1f} us an angle, aim {AIMS[clearance]:g}")
@@ -365,7 +365,7 @@ def main() -> None:
                 peak = peak_memory(torque=torque, clearance=clearance)
                 print(f"  {'peak memory of the process':36s}{peak:10.0f} MiB; imports {imports:.0f}")
     print()
-    print("rverror.wear, 6000 hours at 412 N*m in both directions, 1e-10 mm^3/(N*m) for all bodies")
+    print("rverror.statics.wear, 6000 hours at 412 N*m in both directions, 1e-10 mm^3/(N*m) for all bodies")
     for name, model in (("no error", rverror.Model(unit)), (f"{len(ERRORS)} errors", model_of(unit, 0.0))):
         print(f"  {name:36s}{best(lambda model=model: worn(model), 1):10.1f} s, aim {AIM_WEAR:g}")
     print()

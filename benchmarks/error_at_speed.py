@@ -33,8 +33,8 @@ ERRORS = (
     rverror.effect("coupling.carrier_bore_position", crank=0, tangential="5 um"),
 )
 ENDS = {
-    "input held, load of 5 kg*m^2": rverror.Bench(load_inertia="5 kg*m^2"),
-    "control, couplings and inertias on both ends": rverror.Bench(
+    "input held, load of 5 kg*m^2": rverror.model.Bench(load_inertia="5 kg*m^2"),
+    "control, couplings and inertias on both ends": rverror.model.Bench(
         input_inertia="1e-4 kg*m^2",
         position_control_stiffness="200 N*m/rad",
         input_coupling_stiffness="3000 N*m/rad",
@@ -49,7 +49,7 @@ def seconds(model: rverror.Model, speeds: np.ndarray, torque: str, **options: An
     taken = []
     for _ in range(REPEATS):
         start = perf_counter()
-        found = rverror.speed_response(model, speeds, torque=torque, **options)
+        found = rverror.dynamics.speed_response(model, speeds, torque=torque, **options)
         taken.append(perf_counter() - start)
     return min(taken), found.frequency.size
 
@@ -70,7 +70,7 @@ def main() -> None:
     taken, kept = seconds(model, speeds, "412 N*m", by_effect=True)
     print(f"{name}, 412 N*m:   10 speeds, {kept:2d} modes kept, by effect: {taken:6.2f} s")
     # contacts and meshes beat near the modes of the discs: the mean stiffness does not do
-    fast = rverror.Model(rverror.reducer("RV-40E"), ERRORS[:2], bench=rverror.Bench(load_inertia="100 kg*m^2"))
+    fast = rverror.Model(rverror.reducer("RV-40E"), ERRORS[:2], bench=rverror.model.Bench(load_inertia="100 kg*m^2"))
     taken, kept = seconds(fast, np.linspace(6000, 9000, 10) * RPM, "100 N*m")
     print(f"load of 100 kg*m^2, 100 N*m, 6000 to 9000 rpm:   10 speeds, {kept:2d} modes kept: {taken:6.2f} s")
 

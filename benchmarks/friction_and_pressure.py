@@ -27,7 +27,7 @@ import rverror  # noqa: E402
 
 TORQUE = "412 N*m"
 TORQUES = [f"{sign}{size} N*m" for sign in ("", "-") for size in (50, 100, 200, 412)]
-RUBS = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.002, crank_bearing_radius=15.0)
+RUBS = rverror.geartrain.Friction(pin=0.05, mesh=0.05, crank_bearing=0.002, crank_bearing_radius=15.0)
 WIDTHS = {"disc_width": "9 mm", "gear_width": "8 mm"}
 ENCODERS: dict[str, Any] = {"output_encoder": "1.24 arcsec", "input_encoder": "0.39 arcsec", "output_counts": 2**23}
 PLACES = 8  # angles at which the input is held
@@ -58,7 +58,7 @@ def diagnosed() -> rverror.Diagnosis:
 
 def every_figure() -> list[float]:
     """Uncertainty of each figure of a report, and of a dozen orders."""
-    found = rverror.bench_uncertainty(14.0, **ENCODERS)
+    found = rverror.runs.bench_uncertainty(14.0, **ENCODERS)
     whole = [found.of("reading"), found.of("peak_to_peak"), found.of("rms")]
     return whole + [found.of_order(order) for order in range(1, 13)]
 
@@ -77,25 +77,25 @@ def costs(angles: int, repeats: int) -> list[Cost]:
 
     return [
         cost(
-            "rverror.efficiency",
+            "rverror.statics.efficiency",
             "equilibrium",
-            lambda: rverror.efficiency(model, theta, torque=TORQUE, friction=RUBS, direction=1.0),
+            lambda: rverror.statics.efficiency(model, theta, torque=TORQUE, friction=RUBS, direction=1.0),
             lambda: rverror.equilibrium(model, theta, torque=TORQUE, direction=1.0),
         ),
         cost(
-            "rverror.contact_pressure",
+            "rverror.statics.contact_pressure",
             "equilibrium",
-            lambda: rverror.contact_pressure(model, theta, torque=TORQUE, direction=1.0, **WIDTHS),
+            lambda: rverror.statics.contact_pressure(model, theta, torque=TORQUE, direction=1.0, **WIDTHS),
             lambda: rverror.equilibrium(model, theta, torque=TORQUE, direction=1.0),
         ),
         cost(
-            "rverror.hysteresis",
+            "rverror.statics.hysteresis",
             "torsion_curve",
-            lambda: rverror.hysteresis(model, held, torques=TORQUES, friction=RUBS),
-            lambda: rverror.torsion_curve(model, held, torques=TORQUES),
+            lambda: rverror.statics.hysteresis(model, held, torques=TORQUES, friction=RUBS),
+            lambda: rverror.statics.torsion_curve(model, held, torques=TORQUES),
         ),
         cost(
-            "rverror.bench_uncertainty",
+            "rverror.runs.bench_uncertainty",
             "diagnose",
             every_figure,
             diagnosed,

@@ -24,14 +24,14 @@ def waves(rng: np.random.Generator, count: int, kind: str) -> np.ndarray:
     return own * 1e-3 / np.arange(1, ORDERS + 1)
 
 
-def lot(seed: int, count: int, kind: str) -> rverror.DriveLot:
+def lot(seed: int, count: int, kind: str) -> rverror.lots.DriveLot:
     """A simulated lot, told."""
     rng = np.random.default_rng([seed, count])
     theta = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     turns = np.exp(1j * np.outer(np.arange(1, ORDERS + 1), theta))
     te = (waves(rng, count, kind) @ turns).real + 1.6e-4 * rng.standard_normal((count, SAMPLES))
     runs = [rverror.run_from_arrays(output_angle=theta, te=row, direction="forward") for row in te]
-    return rverror.lot_of_drives(MODEL, [LotUnit(str(number), (run,)) for number, run in enumerate(runs)])
+    return rverror.lots.lot_of_drives(MODEL, [LotUnit(str(number), (run,)) for number, run in enumerate(runs)])
 
 
 if __name__ == "__main__":

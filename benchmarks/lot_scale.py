@@ -50,7 +50,7 @@ def write_units(folder: Path, first: int, count: int) -> None:
             run = rverror.run_from_arrays(
                 input_angle=MODEL.mechanism.ratio * theta[order], te=error[order], direction=way, torque="60 N*m"
             )
-            rverror.write_run(unit / f"{name}.csv", run)
+            rverror.runs.write_run(unit / f"{name}.csv", run)
 
 
 def step(words: list[str]) -> None:

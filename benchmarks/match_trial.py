@@ -54,7 +54,7 @@ def lot_of(which: str, units: int, seed: int, *, rollers: bool = False) -> tuple
         for at in one.instances(model.mechanism)
     ]
     model = rverror.Model(model.mechanism, (*model.effects, *means), model.name)
-    laid = rverror.stack(model, drawn, theta=[0.0])
+    laid = rverror.tolerances.stack(model, drawn, theta=[0.0])
     uniform = np.random.default_rng(seed).random((units, laid.dimensions))
     middle = [drawn[e].mean.get(c.parameter, 0.0) for c, e in zip(laid.components, laid.entry, strict=True)]
     values = np.array(middle) + laid.standard(uniform) * laid.width[laid.entry]
@@ -75,7 +75,7 @@ def lot_of(which: str, units: int, seed: int, *, rollers: bool = False) -> tuple
         for (kind, place), errors in found.items():
             effects = tuple(rverror.Effect(key, dict(at), tuple(sizes)) for (key, *at), sizes in errors.items())
             serial = f"{kind[0].upper()}{unit}" + ("" if place is None else f"-{place}")
-            parts.append(rverror.MeasuredPart(kind, serial, effects))
+            parts.append(rverror.parts.MeasuredPart(kind, serial, effects))
     return model, parts
 
 

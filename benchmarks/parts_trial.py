@@ -179,7 +179,7 @@ def deviations(name: str, count: int, seed: int) -> Iterator[tuple[str, np.ndarr
             path = Path(folder, f"part {number}.csv")
             path.write_text(lines, encoding="utf-8")
             (part,) = rverror.load_parts(path, UNIT, mapping=rules).parts
-            found = {rverror.describe(error.key, error.indices): error for error in part.errors}
+            found = {rverror.base.describe(error.key, error.indices): error for error in part.errors}
             assert found.keys() == truth.keys(), found.keys() ^ truth.keys()
             for key, error in found.items():
                 told = np.array(error.values) != 0  # what a datum or a source has no component for

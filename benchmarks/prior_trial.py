@@ -93,7 +93,7 @@ def made(seed: int, folder: Path) -> dict[str, Any]:
     raise ArithmeticError(f"{seed}: none of 30 draws can be seen")
 
 
-def priors(seed: int, truth: dict[str, Any], unit: rverror.Reducer) -> dict[str, list[rverror.Tolerance]]:
+def priors(seed: int, truth: dict[str, Any], unit: rverror.Reducer) -> dict[str, list[rverror.tolerances.Tolerance]]:
     """What the lot says, either way."""
     random = np.random.default_rng([seed, 18])
     (effect,) = truth["undeclared"]
@@ -119,7 +119,7 @@ def priors(seed: int, truth: dict[str, Any], unit: rverror.Reducer) -> dict[str,
     }  # fmt: skip
 
 
-def as_tolerance(process: Process, spread: float | None, share: float, off: float) -> rverror.Tolerance:
+def as_tolerance(process: Process, spread: float | None, share: float, off: float) -> rverror.tolerances.Tolerance:
     """A process of so much spread, or of none beyond a share of the search's own prior."""
     key, harmonic = process
     parameter = source(key).parameters[0]
@@ -140,7 +140,9 @@ def verdict(truth: dict[str, Any], found: dict[str, Any]) -> str:
     return "right" if sets[0] == {key} else "among"
 
 
-def told_of(truth: dict[str, Any], folder: Path, prior: list[rverror.Tolerance], limit: float) -> dict[str, Any]:
+def told_of(
+    truth: dict[str, Any], folder: Path, prior: list[rverror.tolerances.Tolerance], limit: float
+) -> dict[str, Any]:
     """What the diagnosis says of a unit."""
     start = process_time()
     signal.signal(signal.SIGPROF, _too_long)

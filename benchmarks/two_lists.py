@@ -33,7 +33,7 @@ _ARCMIN = 60 * ARCSEC * 1e-3  # of N*mm/rad in N*m/arcmin
 
 def drawn(model: rverror.Model, tolerances: list, count: int, seed: int, alone: int | None = None) -> list:
     """Models of units; with `alone` only that entry is drawn, all others stand at their means."""
-    laid_out = rverror.stack(model, tolerances, theta=np.array([0.0]))
+    laid_out = rverror.tolerances.stack(model, tolerances, theta=np.array([0.0]))
     uniforms = np.random.default_rng(seed).random((count, laid_out.dimensions))
     sizes = laid_out.standard(uniforms) * laid_out.width[laid_out.entry]
     if alone is not None:
@@ -41,7 +41,7 @@ def drawn(model: rverror.Model, tolerances: list, count: int, seed: int, alone: 
     return [_unit(model, tolerances, laid_out, row) for row in sizes]
 
 
-def _unit(model: rverror.Model, tolerances: list, laid_out: rverror.Stack, row: np.ndarray) -> rverror.Model:
+def _unit(model: rverror.Model, tolerances: list, laid_out: rverror.tolerances.Stack, row: np.ndarray) -> rverror.Model:
     """The declared model with the sizes of one row added at their components."""
     added: dict[tuple, dict[str, float]] = {}
     for part, entry, size in zip(laid_out.components, laid_out.entry, row, strict=True):
@@ -62,7 +62,7 @@ def figures(unit: rverror.Model) -> tuple[float, ...]:
         *(float(np.ptp(te)) / ARCSEC for te in errors),
         float(lost.max()) / ARCSEC,
         float(lost.mean()) / ARCSEC,
-        float(rverror.torsional_stiffness(unit, PLACES).mean()) * _ARCMIN,
+        float(rverror.statics.torsional_stiffness(unit, PLACES).mean()) * _ARCMIN,
     )
 
 

@@ -36,7 +36,7 @@ BLOCKS = (128, 256, 512, 1024, 2048)
 WIDTHS = {"length": "5 um", "angle": "10 arcsec"}
 
 
-def rv40e() -> rverror.Stack:
+def rv40e() -> rverror.tolerances.Stack:
     """Every source with every index, harmonics 1 to 8, each with a tolerance of 5 um or 10 arcsec."""
     tolerances = []
     for key in KEYS:
@@ -44,7 +44,7 @@ def rv40e() -> rverror.Stack:
         harmonics = {index.name: tuple(HARMONICS) for index in entry.indices if index.name == "harmonic"}
         mean = "10 um" if entry.parameters[0].least == 0 else None  # a clearance does not come out negative
         tolerances.append(rverror.tolerance(key, WIDTHS[entry.parameters[0].dimension], mean=mean, **harmonics))
-    return rverror.stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
+    return rverror.tolerances.stack(rverror.Model(rverror.reducer("RV-40E")), tolerances)
 
 
 def bare(values: np.ndarray, waveforms: np.ndarray, buffer: np.ndarray, count: int) -> float:
@@ -57,19 +57,21 @@ def bare(values: np.ndarray, waveforms: np.ndarray, buffer: np.ndarray, count: i
     return process_time() - start
 
 
-def timed(given: rverror.Stack, count: int, **settings: object) -> tuple[float, rverror.VirtualUnits]:
+def timed(
+    given: rverror.tolerances.Stack, count: int, **settings: object
+) -> tuple[float, rverror.tolerances.VirtualUnits]:
     """Processor time of virtual units, draws included, s; and the units."""
     start = process_time()
-    units = rverror.virtual_units(given, count, **settings)
+    units = rverror.tolerances.virtual_units(given, count, **settings)
     return process_time() - start, units
 
 
-def with_workers(given: rverror.Stack, count: int, workers: int) -> float:
+def with_workers(given: rverror.tolerances.Stack, count: int, workers: int) -> float:
     """Elapsed time of virtual units by so many processes that are up and have loaded what they need, s."""
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        rverror.virtual_units(given, 64 * workers, executor=pool)
+        rverror.tolerances.virtual_units(given, 64 * workers, executor=pool)
         start = perf_counter()
-        rverror.virtual_units(given, count, executor=pool)
+        rverror.tolerances.virtual_units(given, count, executor=pool)
         return perf_counter() - start
 
 

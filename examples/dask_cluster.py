@@ -30,10 +30,10 @@ tolerances = (
     rverror.tolerance("cycloid.pin_position", "5 um"),
     rverror.tolerance("sensor.encoder_eccentricity", "5 arcsec"),
 )
-parts = rverror.stack(unit, tolerances)
+parts = rverror.tolerances.stack(unit, tolerances)
 
 
-def told(units: rverror.VirtualUnits) -> None:
+def told(units: rverror.tolerances.VirtualUnits) -> None:
     """P50, P95 and P99 of the peak-to-peak, and the yield at 40 arcsec."""
     for probability in (0.5, 0.95, 0.99):
         found = units.quantile(probability)
@@ -43,7 +43,7 @@ def told(units: rverror.VirtualUnits) -> None:
     print(f"  within 40 arcsec: {100 * share.value:.1f} % ({100 * share.low:.1f} to {100 * share.high:.1f})")
 
 
-def on_a_cluster() -> tuple[rverror.VirtualUnits, rverror.VirtualUnits] | None:
+def on_a_cluster() -> tuple[rverror.tolerances.VirtualUnits, rverror.tolerances.VirtualUnits] | None:
     """The same units by a cluster, its chunks kept in a folder; then from the folder alone."""
     try:
         from distributed import Client, LocalCluster
@@ -54,8 +54,8 @@ def on_a_cluster() -> tuple[rverror.VirtualUnits, rverror.VirtualUnits] | None:
         LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         Client(cluster) as client,
     ):
-        units = rverror.virtual_units(parts, COUNT, executor=client.get_executor(), folder=folder)
-        return units, rverror.virtual_units(parts, COUNT, folder=folder)
+        units = rverror.tolerances.virtual_units(parts, COUNT, executor=client.get_executor(), folder=folder)
+        return units, rverror.tolerances.virtual_units(parts, COUNT, folder=folder)
 
 
 # %% [markdown]
@@ -63,7 +63,7 @@ def on_a_cluster() -> tuple[rverror.VirtualUnits, rverror.VirtualUnits] | None:
 
 # %%
 if __name__ == "__main__":
-    here = rverror.virtual_units(parts, COUNT)
+    here = rverror.tolerances.virtual_units(parts, COUNT)
     print(f"{here.count} virtual RV-40E, {parts.influence.shape[0]} part errors, in chunks of {here.chunk}:")
     told(here)
     answer = on_a_cluster()

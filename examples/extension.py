@@ -54,7 +54,7 @@ def bench_run(torque, direction, seed):
     curve = np.linalg.solve(np.vander(swing), windup)
     error = np.tile(curve[0] * here**2 + curve[1] * here + curve[2], REVOLUTIONS)
     noise = {"rms": 0.4 * ARCSEC, "step": TURN[1], "correlation": np.radians(2)}
-    error += rverror.coloured_noise(error.size, **noise, random=np.random.default_rng(seed))
+    error += rverror.runs.coloured_noise(error.size, **noise, random=np.random.default_rng(seed))
     theta = TURN[1] * np.arange(error.size)
     return rverror.run_from_arrays(
         input_angle=unit.ratio * theta[::direction],
@@ -107,7 +107,7 @@ print(f"  cos {cos:.2f} arcsec, sin {sin:.2f} arcsec")
 def compliance(torque):
     """Turn of the output per torque at a load, rad/(N*mm), mean over the turn."""
     low, high = 0.9 * torque, 1.1 * torque
-    curve = rverror.torsion_curve(declared, TURN[:: POINTS // 64], torques=[low, high])
+    curve = rverror.statics.torsion_curve(declared, TURN[:: POINTS // 64], torques=[low, high])
     return np.mean(1 / curve.stiffness(low=low, high=high))
 
 
@@ -115,14 +115,17 @@ def cogging(pose, *, detents):
     """Cogging torque of the load motor, c cos(h theta) + s sin(h theta), h detents a turn, by the compliance."""
     wave = detents * pose.theta
     turned = compliance(pose.torque) * np.stack([np.cos(wave), np.sin(wave)])  # (terms, n)
-    return rverror.ErrorVector(contact="output", vector=turned[:, None])  # (terms, 1, n)
+    return rverror.geartrain.ErrorVector(contact="output", vector=turned[:, None])  # (terms, 1, n)
 
 
-entry = rverror.Source(
+entry = rverror.geartrain.Source(
     "load.cogging",
     cogging,
-    (rverror.Index("detents", allowed=lambda mechanism: range(1, 1000), tried=lambda mechanism: (36,)),),
-    (rverror.Parameter("cos", "torque", plausible=20e3), rverror.Parameter("sin", "torque", plausible=20e3)),
+    (rverror.geartrain.Index("detents", allowed=lambda mechanism: range(1, 1000), tried=lambda mechanism: (36,)),),
+    (
+        rverror.geartrain.Parameter("cos", "torque", plausible=20e3),
+        rverror.geartrain.Parameter("sin", "torque", plausible=20e3),
+    ),
     "output",
     lambda mechanism, indices: (float(indices["detents"]),),
     "load motor, 12 poles in 36 slots",
@@ -134,13 +137,15 @@ entry = rverror.Source(
 # Inside the block the catalogue has the entry, and diagnosis tries it among all others.
 
 # %%
-with rverror.extended(entry):
+with rverror.model.extended(entry):
     explained = rverror.diagnose(declared, runs)
     print("with load.cogging in the catalogue:", explained.verdict)
     for addition in explained.added:
         print(f"  added: {addition.effect.key}, {addition.effect.indices['detents']} detents a turn")
         for estimate in addition.estimates:
-            low, size, high = (rverror.to_display(v, "torque") for v in (estimate.low, estimate.value, estimate.high))
+            low, size, high = (
+                rverror.base.to_display(v, "torque") for v in (estimate.low, estimate.value, estimate.high)
+            )
             print(f"  {estimate.name} {size:.2f} N*m, 95 % [{low:.2f}, {high:.2f}]")
     print(f"  the bench was given {COGGING / 1e3 * np.cos(PHASE):.2f} and {COGGING / 1e3 * np.sin(PHASE):.2f} N*m")
 

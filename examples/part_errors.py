@@ -27,7 +27,7 @@ theta = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
 # carrier bore shifts the output by a constant, which a bench with an offset of its own cannot see.
 
 # %%
-parts = rverror.transmission_error_by_effect(model, theta)
+parts = rverror.model.transmission_error_by_effect(model, theta)
 for effect, part in zip(model.effects, parts, strict=True):
     print(f"{effect.key:32} peak-to-peak {np.ptp(part) / ARCSEC:6.2f} arcsec, mean {part.mean() / ARCSEC:7.2f} arcsec")
 total = rverror.transmission_error(model, theta)

@@ -6,7 +6,8 @@
 
 # %%
 import rverror
-from rverror import ARCSEC, costs
+from rverror import ARCSEC
+from rverror.tolerances import cost as costs
 
 unit = rverror.reducer("RV-40E")
 model = rverror.Model(unit, name="RV-40E")
@@ -31,6 +32,6 @@ print(rverror.to_text(budget, limit=40 * ARCSEC))
 # The allocation in closed form: least cost within the limit, checked by units that took no part in finding it.
 
 # %%
-stack = rverror.stack(model, tolerances)
+stack = rverror.tolerances.stack(model, tolerances)
 bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14)
 print(rverror.to_text(bought))

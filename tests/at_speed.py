@@ -55,17 +55,19 @@ def at_speed(
     Its stiffness varies over the turn, and pins follow far faster than its lowest mode: what is seen of that is the
     mean of the natural frequencies at all angles.
     """
-    found = rverror.speed_response(model, [f"{n} rpm" for n in rpm], torque=torque, direction=direction, kept=2)
+    found = rverror.dynamics.speed_response(
+        model, [f"{n} rpm" for n in rpm], torque=torque, direction=direction, kept=2
+    )
     told = np.array(orders) if orders else found.order[(found.order > 30) & (found.order < 300)]
     waves = [[2 * np.mean(te * np.exp(-1j * k * found.theta)) for k in told] for te in found.transmission_error]
     angles = TURN * (np.arange(37) + 0.3) / 37  # so many that no frame's order stands still
-    lowest = [rverror.modes(model, torque=torque, theta=a, direction=direction).frequency[0] for a in angles]
+    lowest = [rverror.dynamics.modes(model, torque=torque, theta=a, direction=direction).frequency[0] for a in angles]
     return AtSpeed(direction, torque, found.speed, told, np.array(waves), float(np.mean(lowest)))
 
 
 def with_load(*effects: rverror.Effect, inertia: float = 5.0, damping: float = 0.03) -> Model:
     """An RV-40E whose load of so many kg m^2 swings at some 35 Hz on the train."""
-    bench = rverror.Bench(load_inertia=f"{inertia} kg*m^2", damping_ratio=damping)
+    bench = rverror.model.Bench(load_inertia=f"{inertia} kg*m^2", damping_ratio=damping)
     return Model(rverror.reducer("RV-40E"), effects, bench=bench)
 
 

@@ -54,10 +54,14 @@ MODEL = rverror.Model(
     ),
     HOSTILE,
 )
-ENDS = rverror.Bench(position_control_stiffness=0, input_coupling_stiffness="300 N*m/rad", input_inertia="1 kg*cm^2")
-SWING = rverror.Bench(load_inertia="100 kg*m^2")
-FRICTION = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm", drag="4 N*m")
-ROLLERS = rverror.RollerBearing(rollers=14, roller_diameter="5 mm", roller_length="8 mm", race_diameter="20 mm")
+ENDS = rverror.model.Bench(
+    position_control_stiffness=0, input_coupling_stiffness="300 N*m/rad", input_inertia="1 kg*cm^2"
+)
+SWING = rverror.model.Bench(load_inertia="100 kg*m^2")
+FRICTION = rverror.geartrain.Friction(
+    pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm", drag="4 N*m"
+)
+ROLLERS = rverror.statics.RollerBearing(rollers=14, roller_diameter="5 mm", roller_length="8 mm", race_diameter="20 mm")
 DRIVE = rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, HOSTILE: 3.5}, name=HOSTILE)
 THETA = 2 * np.pi * np.arange(256) / 256
 TOLERANCES = (
@@ -90,9 +94,9 @@ def run() -> rverror.Run:
     )
 
 
-def order_table() -> rverror.OrderTable:
+def order_table() -> rverror.runs.OrderTable:
     """Both directions, two loads, one order that one case alone holds, names that would break a page."""
-    return rverror.orders_from_arrays(
+    return rverror.runs.orders_from_arrays(
         direction=["forward", "forward", "reverse", "forward"],
         torque=[20e3, 20e3, 20e3, 60e3],
         input_speed=10.0,
@@ -173,14 +177,14 @@ def diagnosis(
     )
 
 
-def compensation() -> rverror.Compensation:
+def compensation() -> rverror.compensation.Compensation:
     """A compensation of two loads and both directions, one run of which no fit saw, by hand."""
     at = [TableCondition(direction=s, torque=t) for s in (1.0, -1.0) for t in (20e3, 60e3)]
     cases = tuple(
         OrderCase(condition=c, orders=np.array([1.0, 40.0]), waves=np.array([-5 * ARCSEC, 2j * ARCSEC])) for c in at
     )
-    return rverror.Compensation(
-        correction=rverror.Correction(121.0, rverror.OrderTable(cases=cases)),
+    return rverror.compensation.Compensation(
+        correction=rverror.compensation.Correction(121.0, rverror.runs.OrderTable(cases=cases)),
         orders=(
             CompensatedOrder(1.0, (HOSTILE,), 5 * ARCSEC, 0.25 * ARCSEC, "measured"),
             CompensatedOrder(40.0, ("crank 40",), 2 * ARCSEC, math.nan, "predicted"),
@@ -334,8 +338,8 @@ def lot() -> Lot:
     )
 
 
-def _efficiency(theta: Any, drives: str, direction: float) -> rverror.Efficiency:
-    return rverror.efficiency(
+def _efficiency(theta: Any, drives: str, direction: float) -> rverror.statics.Efficiency:
+    return rverror.statics.efficiency(
         MODEL, theta, torque=TORQUE, friction=FRICTION, direction=direction, drives=drives, method="closed"
     )
 
@@ -343,13 +347,13 @@ def _efficiency(theta: Any, drives: str, direction: float) -> rverror.Efficiency
 @functools.cache
 def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
-    stack = rverror.stack(MODEL, TOLERANCES, theta=THETA)
+    stack = rverror.tolerances.stack(MODEL, TOLERANCES, theta=THETA)
     with mock.patch.object(full_budget, "POINTS", 8):  # each solves five units
         budget = rverror.error_budget(
             MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
         )
     allocation = rverror.allocate(stack, limit="60 arcsec", kind="worst", verify=1024)
-    front = rverror.cost_front(stack, limits=["5 arcsec", "60 arcsec"], kind="worst", verify=1024)
+    front = rverror.tolerances.cost_front(stack, limits=["5 arcsec", "60 arcsec"], kind="worst", verify=1024)
     few = THETA[:6]
     return {
         "Reducer": (MODEL.mechanism, {}),
@@ -368,20 +372,23 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
             {"torque": TORQUE, "model": MODEL},
         ),
         "TorsionCurve": (
-            rverror.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
+            rverror.statics.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
             {"theta": few[:2]},
         ),
         "Hysteresis": (
-            rverror.hysteresis(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"], friction=FRICTION),
+            rverror.statics.hysteresis(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"], friction=FRICTION),
             {"theta": few[:2]},
         ),
         "Efficiency": (_efficiency(few, "input", 1.0), {}),
         "Efficiencies": ([_efficiency(few, "input", 1.0), _efficiency(few, "output", -1.0)], {}),
         "DutyEfficiency": (
-            rverror.duty_efficiency(
+            rverror.statics.duty_efficiency(
                 MODEL,
                 few,
-                duty=[rverror.DutyPhase(torque=TORQUE, speed=190.0), rverror.DutyPhase(torque=20e3, speed=300.0)],
+                duty=[
+                    rverror.statics.DutyPhase(torque=TORQUE, speed=190.0),
+                    rverror.statics.DutyPhase(torque=20e3, speed=300.0),
+                ],
                 friction=FRICTION,
                 direction=1.0,
                 method="closed",
@@ -390,30 +397,35 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
             {},
         ),
         "ContactPressure": (
-            rverror.contact_pressure(
+            rverror.statics.contact_pressure(
                 MODEL, few, torque=TORQUE, direction=1.0, disc_width="9 mm", gear_width="8 mm", cam_bearing=ROLLERS
             ),
             {},
         ),
         "Wear": (
-            rverror.wear(
+            rverror.statics.wear(
                 MODEL,
                 torque=TORQUE,
                 speed=190.0,
                 hours=[0, 500],
-                coefficients=rverror.WearCoefficients(disc=1e-13, sun=1e-13),
+                coefficients=rverror.statics.WearCoefficients(disc=1e-13, sun=1e-13),
                 disc_width=9.0,
                 gear_width=8.0,
                 direction=1.0,
             ),
             {},
         ),
-        "Modes": (rverror.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
+        "Modes": (rverror.dynamics.modes(replace(MODEL, bench=ENDS), torque=TORQUE, theta=few[1]), {}),
         "SpeedResponse": (
-            rverror.speed_response(replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE, by_effect=True),
+            rverror.dynamics.speed_response(
+                replace(MODEL, bench=SWING), np.linspace(40, 80, 5), torque=TORQUE, by_effect=True
+            ),
             {},
         ),
-        "RunUp": (rverror.run_up(replace(MODEL, bench=SWING), [0, 0.01], [0, 40], torque=TORQUE, samples=9), {}),
+        "RunUp": (
+            rverror.dynamics.run_up(replace(MODEL, bench=SWING), [0, 0.01], [0, 40], torque=TORQUE, samples=9),
+            {},
+        ),
         "Tolerance": (TOLERANCES[0], {}),
         "Tolerances": (TOLERANCES, {}),
         "Stack": (stack, {}),

@@ -56,7 +56,7 @@ def tried(model: rverror.Model, effects: list[rverror.Effect], run: rverror.Run,
     """
     theta, way = run.nominal_angle(model), run.direction[unseen]
     bare = rverror.Model(model.mechanism, tuple(effects))
-    waves = rverror.transmission_error_by_effect(bare, theta, direction=run.direction, time=run.time)
+    waves = rverror.model.transmission_error_by_effect(bare, theta, direction=run.direction, time=run.time)
     rows = np.vstack([run.error(model)[None], np.reshape(waves, (len(effects), theta.size))])[:, unseen]
     clock = np.arange(theta.size, dtype=float) if run.time is None else run.time
     slow, fast = without_slow(rows, way), without_slow(rows, way, theta[unseen], clock[unseen])

@@ -71,7 +71,7 @@ def main() -> None:
                 input_angle=2 * np.pi * one, output_angle=2 * np.pi * other, direction="forward"
             )
             (given.folder / name).mkdir(parents=True, exist_ok=True)
-            rverror.write_run(given.folder / name / "run.csv", run, overwrite=True)
+            rverror.runs.write_run(given.folder / name / "run.csv", run, overwrite=True)
     if not seen:
         sys.exit("no array of a whole turn is found in these files")
     (given.folder / "drive.toml").write_text('name = "encoder against motor"\n\n[drive]\nratio = 1.0\n', "utf-8")

@@ -55,30 +55,30 @@ worm = rverror.Model(
 )
 theta = 2 * np.pi * np.arange(512) / 512
 state = rverror.equilibrium(unit, theta, torque="100 N*m")
-torsion = rverror.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
-pressed = rverror.contact_pressure(unit, theta[:128], torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
-loaded = rverror.simulate_runs(unit, torques=("20 N*m", "100 N*m", "400 N*m"), points=1024, revolutions=2,
+torsion = rverror.statics.torsion_curve(unit, theta[:128:16], torques=[f"{t} N*m" for t in range(-60, 61, 5)])
+pressed = rverror.statics.contact_pressure(unit, theta[:128], torque="412 N*m", disc_width="9 mm", gear_width="8 mm")
+loaded = rverror.runs.simulate_runs(unit, torques=("20 N*m", "100 N*m", "400 N*m"), points=1024, revolutions=2,
                                method="equilibrium", noise="0.3 arcsec", seed=1)
-table = rverror.order_table_from_runs(loaded, unit, (39, 40, 78, 80, 120))
+table = rverror.runs.order_table_from_runs(loaded, unit, (39, 40, 78, 80, 120))
 
-arm = replace(unit, bench=rverror.Bench(load_inertia="20 kg*m^2", damping_ratio=0.03))
-modes = rverror.modes(arm, torque="100 N*m")
-speeds = rverror.speed_response(arm, np.linspace(15, 1815, 61) * math.pi / 30, torque="412 N*m")
-started = rverror.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi / 30, torque="412 N*m")
+arm = replace(unit, bench=rverror.model.Bench(load_inertia="20 kg*m^2", damping_ratio=0.03))
+modes = rverror.dynamics.modes(arm, torque="100 N*m")
+speeds = rverror.dynamics.speed_response(arm, np.linspace(15, 1815, 61) * math.pi / 30, torque="412 N*m")
+started = rverror.dynamics.run_up(arm, [0, 1, 1.5], np.array([0, 1815, 1815]) * math.pi / 30, torque="412 N*m")
 
-rubs = rverror.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm",
+rubs = rverror.geartrain.Friction(pin=0.05, mesh=0.05, crank_bearing=0.0025, crank_bearing_radius="10 mm",
                         carrier_bearing=0.0018, carrier_bearing_radius="10 mm", drag="4 N*m")
-lossy = rverror.efficiency(unit, theta[::16], torque="412 N*m", friction=rubs)
+lossy = rverror.statics.efficiency(unit, theta[::16], torque="412 N*m", friction=rubs)
 sizes = (6, 12, 25, 50, 100, 200, 412)
-loop = rverror.hysteresis(unit, theta[:128:16], friction=rubs,
+loop = rverror.statics.hysteresis(unit, theta[:128:16], friction=rubs,
                           torques=[f"{t} N*m" for t in (*(-size for size in sizes[::-1]), 0, *sizes)])
-worn = rverror.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
-                    coefficients=rverror.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
+worn = rverror.statics.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
+                    coefficients=rverror.statics.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 
 tolerances = (
-    rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(10.0, 0.005)),
-    rverror.tolerance("cycloid.pin_radius", "3 um", cost=rverror.costs.Reciprocal(4.0, 0.003)),
-    rverror.tolerance("involute.planet_eccentricity", "8 um", cost=rverror.costs.Reciprocal(2.0, 0.008)),
+    rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.tolerances.cost.Reciprocal(10.0, 0.005)),
+    rverror.tolerance("cycloid.pin_radius", "3 um", cost=rverror.tolerances.cost.Reciprocal(4.0, 0.003)),
+    rverror.tolerance("involute.planet_eccentricity", "8 um", cost=rverror.tolerances.cost.Reciprocal(2.0, 0.008)),
 )
 limits = [rverror.limit("transmission_error", "40 arcsec", torque=f"{torque} N*m") for torque in (20, 412)]
 limits.append(rverror.limit("lost_motion", "60 arcsec"))
@@ -86,7 +86,7 @@ budget = rverror.error_budget(rverror.Model(unit.mechanism), tolerances, count=8
                               limits=limits, loaded_count=400)
 least = rverror.allocate(budget.stack, limit="45 arcsec", kind="worst", verify=2048)
 limits = ["1 arcsec", "30 arcsec", "35 arcsec", "40 arcsec", "45 arcsec", "50 arcsec", "55 arcsec"]
-front = rverror.cost_front(budget.stack, limits=limits, kind="worst", verify=2048)
+front = rverror.tolerances.cost_front(budget.stack, limits=limits, kind="worst", verify=2048)
 
 small = rverror.Model(rverror.Reducer(sun_teeth=9, planet_teeth=27, module=1.5, pressure_angle="20 deg", disc_lobes=15,
                                       pins=16, pin_circle_radius=64, pin_radius=5, eccentricity=2.4,
@@ -99,7 +99,7 @@ for number in range(40):
             for k, (x, y) in enumerate(rng.normal(0, 2e-3, (4, 2)))]
     pins = [rverror.effect("cycloid.pin_position", pin=k, radial=x, tangential=y)
             for k, (x, y) in enumerate(rng.normal(0, 2.5e-3, (16, 2)))]
-    both = rverror.simulate_runs(rverror.Model(small.mechanism, (*cams, *pins)), torques=("150 N*m",), points=128,
+    both = rverror.runs.simulate_runs(rverror.Model(small.mechanism, (*cams, *pins)), torques=("150 N*m",), points=128,
                                  revolutions=1, method="equilibrium", noise="0.2 arcsec", seed=number)
     units.append(LotUnit(f"{number:02}", tuple(both)))
 lot = rverror.lot(small, units, tolerances=drawing)
@@ -108,17 +108,17 @@ life = []
 for number, hours in enumerate((0, 200, 450, 600, 900, 1200, 1500, 1800)):
     bent = rverror.effect("crank.eccentricity", crank=1, disc=0, radial=3e-3, tangential=2e-6 * hours)
     thin = rverror.effect("involute.tooth_thinning", member="sun", thinning=2e-6 * max(hours - 600, 0))
-    both = rverror.simulate_runs(rverror.Model(small.mechanism, (bent, thin)), torques=("150 N*m",), points=256,
+    both = rverror.runs.simulate_runs(rverror.Model(small.mechanism, (bent, thin)), torques=("150 N*m",), points=256,
                                  revolutions=1, method="equilibrium", noise="0.2 arcsec", seed=number)
     life += [replace(run, index="A", metadata={"hours": str(hours)}) for run in both]
 trend = rverror.trend(small, life)
-compared = rverror.compare_runs(life[:2], life[-2:], small)
+compared = rverror.life.compare_runs(life[:2], life[-2:], small)
 
 rng = np.random.default_rng(5)
-parts = [rverror.MeasuredPart("crank", f"C{n}", (rverror.effect("crank.eccentricity", disc=0, radial=x),
+parts = [rverror.parts.MeasuredPart("crank", f"C{n}", (rverror.effect("crank.eccentricity", disc=0, radial=x),
                                                  rverror.effect("crank.eccentricity", disc=1, radial=y)))
          for n, (x, y) in enumerate(rng.normal(0, 4e-3, (40, 2)))]
-parts += [rverror.MeasuredPart("housing", f"H{n}", tuple(rverror.effect("cycloid.pin_position", pin=k, radial=x)
+parts += [rverror.parts.MeasuredPart("housing", f"H{n}", tuple(rverror.effect("cycloid.pin_position", pin=k, radial=x)
                                                          for k, x in enumerate(of)))
           for n, of in enumerate(rng.normal(0, 3e-3, (20, 16)))]
 matched = rverror.match(small, parts, [rverror.limit("transmission_error", "25 arcsec", torque="150 N*m")])
@@ -130,7 +130,7 @@ for number in range(12):
     waves = np.arange(1, 31)[:, None] * turn
     te = parts[0] @ np.cos(waves) + parts[1] @ np.sin(waves) + 1e-7 * rng.normal(size=turn.size)
     drives.append(LotUnit(str(number), (rverror.run_from_arrays(input_angle=7 * turn, te=te, direction=1.0),)))
-lot_of_drives = rverror.lot_of_drives(seven, drives)
+lot_of_drives = rverror.lots.lot_of_drives(seven, drives)
 """
 
 #: Line that draws each picture.
@@ -164,7 +164,7 @@ LINES = {
     "run-waveform": "runs[0].plot(ratio=declared)",
     "run-polar": 'runs[0].plot(kind="polar", ratio=declared)',
     "run-spectrum": 'runs[0].plot(kind="spectrum", ratio=declared)',
-    "runs-order_map": "rverror.order_map(loaded, ratio=unit, highest=170)",
+    "runs-order_map": "rverror.views.order_map(loaded, ratio=unit, highest=170)",
     "ordertable-amplitudes": "table.plot()",
     "ordertable-passport": 'table.plot(kind="passport")',
     "diagnosis-waveform": "found.plot()",

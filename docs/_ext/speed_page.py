@@ -261,7 +261,7 @@ errors = (
     rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos="1.5 um"),
     rverror.effect("crank.bearing_clearance", clearance="2.5 um"),
 )
-arm = rverror.Bench(load_inertia="20 kg*m^2", damping_ratio=0.03)
+arm = rverror.model.Bench(load_inertia="20 kg*m^2", damping_ratio=0.03)
 model = rverror.Model(rverror.reducer("RV-40E"), errors, bench=arm)
 ```
 
@@ -280,7 +280,7 @@ output speed $n$ it drives at $f = k\\,n$.
 
 ## What natural frequencies there are
 
-`rverror.modes(model)` tells them, with what holds each and what moves in it.
+`rverror.dynamics.modes(model)` tells them, with what holds each and what moves in it.
 
 - **The load on the train's windup**, with this arm at {frequency} Hz, with 5 kg m² at {light}. It is the one that
   matters: all part errors turn the output, and so shake it. To its frequency belongs $2\\pi f = \\sqrt{{K_t/J}}$,
@@ -300,7 +300,7 @@ $$n_{{in}} = \\frac{{60 f R}}{{k}} ,$$
 
 and there grows to $\\sqrt{{1 + 1/(2\\zeta)^2}}$ times what it is at a crawl, {growth} at 3 % damping. High orders
 meet the load first, at low speed, and are small; low orders meet it late, and are large. Order 40 would at {forty}
-rpm, beyond what this unit turns. `rverror.speed_response(model, speeds).critical_speeds`, the largest six:
+rpm, beyond what this unit turns. `rverror.dynamics.speed_response(model, speeds).critical_speeds`, the largest six:
 
 | order | of | at a crawl, arcsec | peak at, rpm of the input | Hz | amplitude, arcsec | times |
 | --- | --- | --- | --- | --- | --- | --- |
@@ -329,7 +329,7 @@ Each change alone, over the same speeds:
   left.
 - **Speed**: keep away from the peaks in long moves, or pass them quickly.
 
-Passing quickly is `rverror.run_up(model, ["0 s", "1 s"], ["0 rpm", "1815 rpm"])`. Run up in a second, the arm
+Passing quickly is `rverror.dynamics.run_up(model, ["0 s", "1 s"], ["0 rpm", "1815 rpm"])`. Run up in a second, the arm
 passes orders 160, 80 and 78, and the vibration is {run_vibration} arcsec peak-to-peak where at constant speed it
 grows to {still_vibration}. In turn the arm winds the train up by {run_windup} arcsec, and the output carries up to
 {run_torque} N m.

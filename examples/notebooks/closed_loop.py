@@ -44,7 +44,7 @@ shipped = resources.files("rverror") / "data" / "demo"
 model = rverror.load_model(shipped / "model.toml")
 for effect in model.effects:
     sizes = ", ".join(f"{value * 1e3:+.2f}" for value in effect.values)
-    print(f"{rverror.describe(effect.key, effect.indices):40} {sizes} um, +- {effect.uncertainty * 1e3:.1f} um")
+    print(f"{rverror.base.describe(effect.key, effect.indices):40} {sizes} um, +- {effect.uncertainty * 1e3:.1f} um")
 
 # %% [markdown]
 # What these parts should do to the output, by the closed form. Twelve waves of the strongest order, each effect with
@@ -97,11 +97,11 @@ found.plot(kind="candidates")
 
 # %%
 for addition in found.added:
-    print(rverror.describe(addition.effect.key, addition.effect.indices))
+    print(rverror.base.describe(addition.effect.key, addition.effect.indices))
     for estimate in addition.estimates:
         low, size, high = (value / ARCSEC for value in (estimate.low, estimate.value, estimate.high))
         print(f"  {estimate.name:4} {size:7.3f} arcsec  95 % [{low:.3f}, {high:.3f}]")
-    same = ", ".join(rverror.describe(*other) for other in addition.indistinguishable)
+    same = ", ".join(rverror.base.describe(*other) for other in addition.indistinguishable)
     print("  these runs cannot tell it from:", same or "none, it stands alone")
 
 # %% [markdown]

@@ -35,7 +35,7 @@ from rverror import ARCSEC
 # %%
 model = rverror.load_model("../rv40e.toml")
 tolerances = rverror.load_tolerances("../rv40e-tolerances.toml", model)
-stack = rverror.stack(model, tolerances)
+stack = rverror.tolerances.stack(model, tolerances)
 components = np.bincount(stack.entry)
 for label, width, count in zip(stack.labels, stack.width, components, strict=True):
     print(f"{label:31} +- {1e3 * width:4.1f} um   {count:3} components")

@@ -64,11 +64,13 @@ for key, size in imitation.items():
 # by a phase of its own, and the four part.
 
 # %%
-figure, axes = rverror.new_figure(2, height=2.9)
+figure, axes = rverror.views.new_figure(2, height=2.9)
 start = slice(0, 210)
 for ax, found, name in zip(axes, (forward, reverse), ("forward", "reverse"), strict=True):
     for number, (key, size) in enumerate(imitation.items()):
-        ax.plot(np.degrees(theta[start]), (found[key] @ size)[start] / ARCSEC, label=key, **rverror.line_style(number))
+        ax.plot(
+            np.degrees(theta[start]), (found[key] @ size)[start] / ARCSEC, label=key, **rverror.views.line_style(number)
+        )
     ax.set(xlabel="output angle, deg", ylabel="transmission error, arcsec", title=f"{name}, SIMULATED, closed form")
     ax.margins(x=0)
 figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, handlelength=4)
@@ -122,18 +124,18 @@ declared = rverror.Model(unit, name="RV-40E, nothing declared")
 
 def bench(key, *, torque="412 N*m", **error):
     """SIMULATED runs, forward and reverse, of a unit with one error that is not declared."""
-    return rverror.simulate_runs(declared.with_effects(rverror.effect(key, **error)), torques=(torque,), **BENCH)
+    return rverror.runs.simulate_runs(declared.with_effects(rverror.effect(key, **error)), torques=(torque,), **BENCH)
 
 
 def told(found):
     """What a diagnosis adds, with sizes and 95 % intervals, and what it cannot tell from it."""
     print("verdict:", found.verdict)
     for addition in found.added:
-        print(" ", rverror.describe(addition.effect.key, addition.effect.indices))
+        print(" ", rverror.base.describe(addition.effect.key, addition.effect.indices))
         for e in addition.estimates:
             print(f"    {e.name} {1e3 * e.value:.2f} um, 95 % [{1e3 * e.low:.2f}, {1e3 * e.high:.2f}]")
         for other in addition.indistinguishable:
-            print("    or", rverror.describe(*other))
+            print("    or", rverror.base.describe(*other))
 
 
 runs = bench("involute.planet_eccentricity", crank=0, x="15 um", y="20 um")
@@ -212,7 +214,9 @@ light = rverror.diagnose(
     ),
 )
 for torque, found in ((412, diagnoses["cycloid.disc_bore_position"][1]), (20, light)):
-    print(f"{torque} N*m, forward and reverse:", "; ".join(rverror.describe(*cause) for cause in open_causes(found)))
+    print(
+        f"{torque} N*m, forward and reverse:", "; ".join(rverror.base.describe(*cause) for cause in open_causes(found))
+    )
 
 # %% [markdown]
 # ## What to try next

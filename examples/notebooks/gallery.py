@@ -69,7 +69,7 @@ SIZES = {
 # %% tags=["hide-input"]
 def gallery(rows):
     """A row of waveform and spectrum for each source."""
-    figure, _ = rverror.new_figure(len(rows), height=1.6)
+    figure, _ = rverror.views.new_figure(len(rows), height=1.6)
     figure.clear()
     for (key, waves), (left, right) in zip(rows.items(), figure.subplots(len(rows), 2, squeeze=False), strict=True):
         strongest = max(waves.values(), key=np.ptp)
@@ -77,7 +77,9 @@ def gallery(rows):
         order = 1 + np.argmax(lines)
         start = slice(0, 5 * theta.size // order + 1)
         for number, (parameter, wave) in enumerate(waves.items()):
-            left.plot(np.degrees(theta[start]), wave[start], lw=1.2, label=parameter, **rverror.line_style(number))
+            left.plot(
+                np.degrees(theta[start]), wave[start], lw=1.2, label=parameter, **rverror.views.line_style(number)
+            )
         left.set_title(key, fontsize="small", loc="left")
         place = {"loc": "lower right", "bbox_to_anchor": (1, 0.98)} if len(waves) < 4 else {"loc": "upper right"}
         left.legend(fontsize="xx-small", ncols=2, frameon=len(waves) > 3, **place)
@@ -117,10 +119,10 @@ def family(*names):
             continue
         indices = shown_indices(entry)
         motion = {"direction": 1.0, "time": theta, "torque": 20e3}  # one rad a second; N*mm
-        size = np.array([rverror.to_core(SIZES[p.dimension], p.dimension) for p in entry.parameters])
+        size = np.array([rverror.base.to_core(SIZES[p.dimension], p.dimension) for p in entry.parameters])
         waves = rverror.influence(unit, theta, key, **motion, **indices).matrix * size[:, None] / ARCSEC
         leaves = closed.visibility(entry, indices)
-        print(f"{rverror.describe(key, indices)}, {SIZES[entry.parameters[0].dimension]}, fixed in: {entry.frame}")
+        print(f"{rverror.base.describe(key, indices)}, {SIZES[entry.parameters[0].dimension]}, fixed in: {entry.frame}")
         for (parameter, left), wave in zip(leaves.items(), waves, strict=True):
             height = f", peak-to-peak {np.ptp(wave):.3g} arcsec" if left == WAVE else ""
             print(f"    {parameter:14} {left}{height}")
@@ -211,14 +213,14 @@ errors = {
     "one large pin": rverror.effect("cycloid.pin_radius", pin=0, deviation="5 um"),
     "play of the cam bearings": rverror.effect("crank.bearing_clearance", clearance="5 um"),
 }
-figure, axes = rverror.new_figure(len(errors), height=1.9)
+figure, axes = rverror.views.new_figure(len(errors), height=1.9)
 for ax, (name, effect) in zip(axes, errors.items(), strict=True):
     model = rverror.Model(unit, (effect,))
     waves = {"closed form": rverror.transmission_error(model, tenth)}
     for torque in ("412 N*m", "20 N*m"):
         waves[f"equilibrium, {torque}"] = rverror.equilibrium(model, tenth, torque=torque).transmission_error
     for number, (label, wave) in enumerate(waves.items()):
-        ax.plot(np.degrees(tenth), (wave - wave.mean()) / ARCSEC, label=label, **rverror.line_style(number))
+        ax.plot(np.degrees(tenth), (wave - wave.mean()) / ARCSEC, label=label, **rverror.views.line_style(number))
     ax.set_title(f"{name}, SIMULATED", fontsize="medium")
     ax.set_ylabel("arcsec")
     ax.margins(x=0)

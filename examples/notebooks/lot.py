@@ -107,7 +107,7 @@ for number in range(24):
         index=serial,
     )
     (folder / serial).mkdir()
-    rverror.write_run(folder / serial / "forward.csv", run)
+    rverror.runs.write_run(folder / serial / "forward.csv", run)
     rows.append(f"{serial},2026-03-{number // 4 + 1:02},{bench}")
 (folder / "units.csv").write_text("\n".join(rows))
 print("\n".join(rows[:4]))
@@ -118,7 +118,7 @@ print("\n".join(rows[:4]))
 # Two calls. From the shell it is one: `rverror lot FOLDER --model MODEL.toml --tolerances DRAWING.toml`.
 
 # %%
-units, notes = rverror.lot_units(folder, model)
+units, notes = rverror.lots.lot_units(folder, model)
 found = rverror.lot(model, units, tolerances=drawing)
 found
 
@@ -178,7 +178,7 @@ print(f"{group.label} {group.value}: true 4.00, told {value:.2f} ({low:.2f} to {
 # What was made becomes a tolerance file, with the intervals as remarks, and goes into a budget like any drawing.
 
 # %%
-text = rverror.tolerances_as_made(found)
+text = rverror.lots.tolerances_as_made(found)
 (folder / "as-made.toml").write_text(text)
 print(text)
 
@@ -197,7 +197,7 @@ cases = {
 p95 = {}
 for name, widths in cases.items():
     changed = [replace(one, width=widths.get(one.key, one.width)) for one in as_made]
-    drawn_units = rverror.virtual_units(model, changed, count=2**12, seed=1)
+    drawn_units = rverror.tolerances.virtual_units(model, changed, count=2**12, seed=1)
     p95[name] = drawn_units.quantile(0.95).value / ARCSEC
     print(f"{name:28} 95 % of the units stay below {p95[name]:.1f} arcsec")
 

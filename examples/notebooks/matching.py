@@ -89,7 +89,7 @@ print("\n".join(rows[:3]), cranks[0].errors[0], sep="\n")
 # %%
 waves = [[rng.normal(0, 4e-3, 2) for _ in (1, 2)] for _ in range(16)]
 discs = [
-    rverror.MeasuredPart(
+    rverror.parts.MeasuredPart(
         "disc",
         f"D{number + 1}",
         tuple(
@@ -100,7 +100,7 @@ discs = [
 ]
 places = rng.normal(0, 3e-3, (8, 16, 2))
 housings = [
-    rverror.MeasuredPart(
+    rverror.parts.MeasuredPart(
         "housing",
         f"H{number + 1}",
         tuple(
@@ -135,7 +135,7 @@ found.plot()
 # fit there no other way.
 
 # %%
-(folder / "units.csv").write_text(rverror.to_csv(found, units=True))
+(folder / "units.csv").write_text(rverror.views.to_csv(found, units=True))
 print((folder / "units.csv").read_text().splitlines()[1])
 
 # %% [markdown]

@@ -68,7 +68,7 @@ seventh = (
     ),
 )
 on_bench = rverror.Model(
-    rverror.Reducer(**drawing, stiffness=rverror.Stiffness(**stiffness)), (cam, encoder, flange, *seventh)
+    rverror.Reducer(**drawing, stiffness=rverror.geartrain.Stiffness(**stiffness)), (cam, encoder, flange, *seventh)
 )
 orders = [1, 2, 3, 7, 15, 16, 30, 32, 48, 49, 98]
 print({kind: f"{getattr(declared.mechanism.stiffness, kind) / 1e3:.0f} kN/mm" for kind in stiffness}, "as drawn")
@@ -76,7 +76,7 @@ print({kind: f"{getattr(declared.mechanism.stiffness, kind) / 1e3:.0f} kN/mm" fo
 
 def bench(loads, seed):
     """A table as the bench would print it."""
-    runs = rverror.simulate_runs(
+    runs = rverror.runs.simulate_runs(
         on_bench,
         torques=[f"{load} N*m" for load in loads],
         points=1024,
@@ -84,13 +84,13 @@ def bench(loads, seed):
         noise="1 arcsec",
         seed=seed,
     )
-    return rverror.order_table_from_runs(runs, on_bench, orders)
+    return rverror.runs.order_table_from_runs(runs, on_bench, orders)
 
 
 place = tempfile.TemporaryDirectory()
 folder = Path(place.name)
-rverror.write_orders(folder / "seen.csv", bench([20, 60, 120, 200, 300], seed=1))
-rverror.write_orders(folder / "unseen.csv", bench([90, 250], seed=2))
+rverror.runs.write_orders(folder / "seen.csv", bench([20, 60, 120, 200, 300], seed=1))
+rverror.runs.write_orders(folder / "unseen.csv", bench([90, 250], seed=2))
 print("\n".join((folder / "seen.csv").read_text().splitlines()[:8]))
 
 # %% [markdown]
@@ -109,7 +109,7 @@ ax.set_title("passport of the six strongest orders, SIMULATED")
 ax
 
 # %%
-passports = {one.order: one for one in rverror.passport(table.cases, ratio=declared.mechanism.ratio)}
+passports = {one.order: one for one in rverror.diagnosis.passport(table.cases, ratio=declared.mechanism.ratio)}
 for order in (1, 16, 3, 7):
     one = passports[order]
     print(f"order {order}: {one.amplitude / ARCSEC:.2f} arcsec")
@@ -139,7 +139,8 @@ for addition in found.added:
     print(f"{addition.effect.key} ({where})" if where else addition.effect.key)
     for estimate in addition.estimates:
         size, low, high = (
-            rverror.to_display(value, estimate.dimension) for value in (estimate.value, estimate.low, estimate.high)
+            rverror.base.to_display(value, estimate.dimension)
+            for value in (estimate.value, estimate.low, estimate.high)
         )
         print(f"    {estimate.name} {size:.4g} [{low:.4g}, {high:.4g}] {units[estimate.dimension]}")
     for note in addition.notes:
@@ -176,11 +177,11 @@ for order in (1, 16, 3, 7):
 
 # %%
 unseen = rverror.load_run(folder / "unseen.csv")
-held = rverror.validated(found, [unseen]).validation[0]
+held = rverror.diagnosis.validated(found, [unseen]).validation[0]
 print(f"rms {held.before / ARCSEC:.2f} arcsec as declared, {held.after / ARCSEC:.2f} arcsec with what was found")
 print(f"noise {found.noise_rms / ARCSEC:.2f} arcsec")
 
-figure, (ax,) = rverror.new_figure(width=7.0, height=3.4)
+figure, (ax,) = rverror.views.new_figure(width=7.0, height=3.4)
 place_of = np.arange(len(held.orders))
 for shift, sizes, label, grey in (
     (-0.2, held.before_by_order, "as declared", "0.7"),

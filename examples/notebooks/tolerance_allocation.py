@@ -48,12 +48,12 @@ print(f"{'all':46} {sum(item.cost.cost(item.width) for item in tolerances):5.1f}
 #
 # Angles and samples are few here, to be quick: 1024 angles of a turn, 1024 units. The result is checked by 4096
 # units that took no part in finding it, and it is the upper end of their 95 % interval that has to meet the limit. All
-# of this is the closed form: contacts stay closed. `rverror.allocate_at_load` solves every unit at its
+# of this is the closed form: contacts stay closed. `rverror.tolerances.allocate_at_load` solves every unit at its
 # loads, which takes a minute, and verifies the yield there.
 
 # %%
 theta = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
-stack = rverror.stack(model, tolerances, theta=theta)
+stack = rverror.tolerances.stack(model, tolerances, theta=theta)
 few = {"sample": 2**10, "verify": 2**12}
 found = rverror.allocate(stack, limit="26 arcsec", **few)
 found
@@ -102,8 +102,8 @@ for rate in found.tighten_first:
 # finer pins. On the right it runs out into the base prices.
 
 # %%
-points = rverror.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few)
-front = sorted((*points, rverror.FrontPoint(found.limit, found)), key=lambda point: point.limit)
+points = rverror.tolerances.cost_front(stack, limits=["22 arcsec", "30 arcsec", "36 arcsec"], **few)
+front = sorted((*points, rverror.tolerances.FrontPoint(found.limit, found)), key=lambda point: point.limit)
 found.plot(kind="front", front=front)
 
 # %% [markdown]
@@ -127,8 +127,8 @@ for here, there in zip(front, [*front[1:], None], strict=True):
 # that the library takes by itself, with units that nothing here has seen:
 
 # %%
-whole = replace(rverror.stack(model, tolerances), width=np.array(found.widths))
-p99 = rverror.virtual_units(whole, 2**13, seed=7).quantile(0.99)
+whole = replace(rverror.tolerances.stack(model, tolerances), width=np.array(found.widths))
+p99 = rverror.tolerances.virtual_units(whole, 2**13, seed=7).quantile(0.99)
 print(f"P99 {p99.value / ARCSEC:.2f} arcsec  95 % [{p99.low / ARCSEC:.2f}, {p99.high / ARCSEC:.2f}], limit 26 arcsec")
 
 # %% [markdown]
@@ -139,6 +139,6 @@ print(f"P99 {p99.value / ARCSEC:.2f} arcsec  95 % [{p99.low / ARCSEC:.2f}, {p99.
 # - Leave out `theta` and `few`, and wait: all angles, more units, a narrower interval to keep below the limit.
 # - `kind="worst"` limits the worst case instead. Its result is proven to be the cheapest.
 # - Fix what you cannot change: `fixed = true` in the file, or `bounds = ["1 um", "8 um"]`.
-# - `rverror.save_widths` writes the widths that were found into a new tolerance file; `rverror allocate`
+# - `rverror.tolerances.save_widths` writes the widths that were found into a new tolerance file; `rverror allocate`
 #   does all of it from the shell.
 # - The closed form is too kind at light loads: check the result with `rverror.error_budget(..., torque="20 N*m")`.

@@ -64,10 +64,10 @@ ax
 # one:
 
 # %%
-orders = rverror.fundamental_orders(unit)
+orders = rverror.geartrain.fundamental_orders(unit)
 print(", ".join(f"{frame} {order:g}" for frame, order in orders.items()))
 for frame in ("gear mesh", "cycloid mesh"):
-    shows = rverror.folded_order(orders[frame], story["POINTS"])
+    shows = rverror.geartrain.folded_order(orders[frame], story["POINTS"])
     print(f"{frame} {orders[frame]:g} at {story['POINTS']} samples a turn shows at {shows:g}")
 
 # %% [markdown]
@@ -77,7 +77,7 @@ for frame in ("gear mesh", "cycloid mesh"):
 # there in each, and in both directions.
 
 # %%
-ax = rverror.order_map([*runs, rated], ratio=unit, highest=130)
+ax = rverror.views.order_map([*runs, rated], ratio=unit, highest=130)
 ax.set_title("order map of the runs, SIMULATED")
 ax
 
@@ -148,7 +148,7 @@ print("verdict:", explained.verdict)
 for addition in explained.added:
     for estimate in addition.estimates:
         low, size, high = (
-            rverror.to_display(value, "torque") for value in (estimate.low, estimate.value, estimate.high)
+            rverror.base.to_display(value, "torque") for value in (estimate.low, estimate.value, estimate.high)
         )
         print(f"{addition.effect.key}, {estimate.name}: {size:.2f} N*m, 95 % [{low:.2f}, {high:.2f}]")
 
@@ -158,7 +158,7 @@ for addition in explained.added:
 # %%
 entry = story["entry"]
 wrong = replace(entry, indices=(replace(entry.indices[0], tried=lambda mechanism: (24,)),))
-with rverror.extended(wrong):
+with rverror.model.extended(wrong):
     guess = rverror.diagnose(first.declared, runs)
 print("verdict:", guess.verdict, [line.order for line in guess.unexplained], "added:", len(guess.added))
 
@@ -168,7 +168,7 @@ print("verdict:", guess.verdict, [line.order for line in guess.unexplained], "ad
 # The run at the rated torque, predicted by the three models. Each was fitted at 20 N m.
 
 # %%
-with rverror.extended(entry):
+with rverror.model.extended(entry):
     for name, found in (("declared model", first), ("empirical order", described), ("cogging", explained)):
         mean, half = height(left(rated, found.model))
         print(f"{name:16} leaves {abs(mean):.2f} +- {half:.2f} arcsec of order 36 at 412 N*m")
@@ -179,10 +179,10 @@ with rverror.extended(entry):
 
 # %%
 torques = np.array([20, 50, 120, 250, 412])  # N*m
-with rverror.extended(entry):
+with rverror.model.extended(entry):
     motor = rverror.Model(unit, explained.model.effects[-1:])
     foretold = [np.ptp(rverror.transmission_error(motor, turn, torque=1e3 * torque)) / 2 / ARCSEC for torque in torques]
-figure, (ax,) = rverror.new_figure(width=7.0, height=3.6)
+figure, (ax,) = rverror.views.new_figure(width=7.0, height=3.6)
 measured = [run.torque / 1e3 for run in (*runs, rated)]
 ax.errorbar(
     measured,
@@ -193,8 +193,8 @@ ax.errorbar(
     capsize=3,
     label="in the runs, 95 %",
 )
-ax.plot(torques, np.full(torques.size, np.hypot(cos, sin)), label="empirical order", **rverror.line_style(1))
-ax.plot(torques, foretold, label="cogging torque times compliance", **rverror.line_style(0))
+ax.plot(torques, np.full(torques.size, np.hypot(cos, sin)), label="empirical order", **rverror.views.line_style(1))
+ax.plot(torques, foretold, label="cogging torque times compliance", **rverror.views.line_style(0))
 ax.set(
     xlabel="output torque, N*m",
     ylabel="height of order 36, arcsec",

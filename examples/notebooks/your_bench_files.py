@@ -50,7 +50,7 @@ unit = rverror.reducer("RV-40E")
 pitch = rverror.effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="2 um", uncertainty="0.3 um")
 cam = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="2.5 um", tangential="-1.5 um")
 declared = rverror.Model(unit, (pitch,), name="RV-40E, as declared")
-simulated = rverror.simulate_runs(
+simulated = rverror.runs.simulate_runs(
     declared.with_effects(cam),
     torques=("20 N*m",),
     points=1100,
@@ -101,7 +101,7 @@ read("forward.csv")
 
 # %%
 with chdir(folder):
-    print(rverror.draft_mapping("forward.csv"))
+    print(rverror.runs.draft_mapping("forward.csv"))
 
 # %% [markdown]
 # Two names and their units, and where the load stands. One sign is still missing here, to see what happens:
@@ -216,11 +216,11 @@ ax
 found = rverror.diagnose(declared, runs)
 print("verdict:", found.verdict)
 for addition in found.added:
-    print(rverror.describe(addition.effect.key, addition.effect.indices))
+    print(rverror.base.describe(addition.effect.key, addition.effect.indices))
     for e in addition.estimates:
         print(f"    {e.name:10} {1e3 * e.value:6.2f} um, 95 % [{1e3 * e.low:.2f}, {1e3 * e.high:.2f}]")
     for other in addition.indistinguishable:
-        print("    or", rverror.describe(*other))
+        print("    or", rverror.base.describe(*other))
 before, after = (residual.heldout_rms / ARCSEC for residual in (found.before, found.after))
 print(f"held-out rms: {before:.2f} arcsec before, {after:.2f} after, noise {found.noise_rms / ARCSEC:.2f}")
 

@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from rverror.statics.loaded_state import equilibrium as equilibrium
     from rverror.statics.rigidity import lost_motion as lost_motion
     from rverror.tolerances.allocation import allocate as allocate
+    from rverror.tolerances.declared import tolerance as tolerance
     from rverror.tolerances.full_budget import error_budget as error_budget
     from rverror.tolerances.specification import limit as limit
-    from rverror.tolerances.declared import tolerance as tolerance
     from rverror.tolerances.tolerance_file import load_tolerances as load_tolerances
     from rverror.views.plots.drawing import draw as draw
     from rverror.views.report import to_html as to_html, to_json as to_json, to_text as to_text

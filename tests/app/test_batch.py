@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 import rverror
-from rverror import Drive, InputError, Model, diagnose_folder, effect, save_model, simulate, write_run
-from rverror.app import batch
-from rverror.app import command_line as cli
+from rverror import Drive, InputError, Model, effect, save_model, simulate
+from rverror.app import batch, command_line as cli, diagnose_folder
 from rverror.base.threads import threads
+from rverror.runs import write_run
 
 WORM = Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5})
 MOTOR = effect("shaft.eccentricity", shaft="motor", harmonic=1, cos="30 arcsec", sin="-10 arcsec")

@@ -33,11 +33,11 @@ from rverror import (
     save_model,
     simulate,
     transmission_error,
-    write_run,
 )
 from rverror.app import command_line as cli
 from rverror.app.terminal import Progress
 from rverror.base.units import ARCSEC, DISPLAY_UNITS
+from rverror.runs import write_run
 from rverror.runs.measurement import run_text
 from rverror.runs.virtual_bench import run_label, simulate_runs
 from rverror.statics import energy

@@ -24,7 +24,7 @@ def write_unit(folder: Path, *, size: float = 5.0, seeds: tuple[int, ...] = (1, 
         theta = theta if direction == "forward" else theta[::-1].copy()
         error = size * ARCSEC * np.cos(20 * theta) + red(seed, theta.size)
         run = rverror.run_from_arrays(input_angle=20 * theta, te=error, direction=direction, torque="20 N*m")
-        rverror.write_run(folder / f"{direction}{seed}.csv", run)
+        rverror.runs.write_run(folder / f"{direction}{seed}.csv", run)
 
 
 def test_a_table_and_results_with_a_run_that_no_fit_saw(
@@ -58,7 +58,7 @@ def test_other_forms(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.chdir(tmp_path)
     write_unit(tmp_path)
     assert main(["compensate", "model.toml", "forward1.csv", "-o", "t", "--format", form]) == 0
-    table = rverror.load_compensation("t", 20.0)
+    table = rverror.compensation.load_compensation("t", 20.0)
     run = rverror.load_run("forward2.csv", 20.0)
     from rverror.runs.order_table import TableCondition
 

@@ -12,8 +12,9 @@ import pytest
 
 import rverror
 from every_kind import FRICTION
-from rverror import ARCSEC, Model, RollerBearing, contact_pressure, efficiency, hysteresis, lost_motion
+from rverror import ARCSEC, Model, lost_motion
 from rverror.app.command_line import main
+from rverror.statics import RollerBearing, contact_pressure, efficiency, hysteresis
 
 MODEL = Model(
     replace(rverror.reducer("RV-40E"), friction=FRICTION),
@@ -69,15 +70,15 @@ def test_a_duty_and_its_heat(path: str, tmp_path: Path, capsys: pytest.CaptureFi
     asked += ["--thermal-resistance", "0.3 K/W", "--inside-resistance", "0.1 K/W"]
     files = ["--json", str(out), "--plot", str(picture), "--save", str(saved)]
     assert main(["efficiency", path, *asked, *files]) == 0
-    found = rverror.duty_efficiency(
+    found = rverror.statics.duty_efficiency(
         MODEL,
         2 * math.pi / 5 * np.arange(5),
         duty=[
-            rverror.DutyPhase(torque="412 N*m", speed="1815 rpm", hours=1),
-            rverror.DutyPhase(torque=0, speed="3630 rpm", hours=2),
+            rverror.statics.DutyPhase(torque="412 N*m", speed="1815 rpm", hours=1),
+            rverror.statics.DutyPhase(torque=0, speed="3630 rpm", hours=2),
         ],
         direction=1.0,
-        lubricant=rverror.Lubricant(
+        lubricant=rverror.statics.Lubricant(
             viscosity_40="150 cSt", viscosity_100="15 cSt", temperature="20 degC", speed="1815 rpm"
         ),
         ambient="15 degC",

@@ -27,7 +27,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     def answer(
         model: rverror.Model, units: Amplitudes, *, tolerances: Any, seed: int, progress: Callable[[str], None]
-    ) -> rverror.Lot:
+    ) -> rverror.lots.Lot:
         got.update(model=model, units=units, tolerances=tolerances, seed=seed)
         progress("drawing units")
         return replace(lot_by_hand(), notes=(*units.notes, *lot_by_hand().notes))
@@ -71,7 +71,7 @@ def test_what_it_prints_and_writes(place: Path, asked: dict[str, Any], capsys: p
 def test_nothing_above_zero_leaves_no_tolerance_file(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    nothing = rverror.Lot("unit", 3, (), (), (), (), {}, (), (), (), (), 0.5)
+    nothing = rverror.lots.Lot("unit", 3, (), (), (), (), {}, (), (), (), (), 0.5)
     monkeypatch.setattr(lot_command, "lot", lambda *_, **__: nothing)
     assert main(["lot", "lot", "--model", "model.toml", "--save", "made.toml"]) == 0
     assert "not written, no process is told from none" in capsys.readouterr().err

@@ -23,16 +23,18 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(3)
     cranks = [
-        rverror.MeasuredPart("crank", f"C{n}", (rverror.effect("crank.eccentricity", disc=0, radial=x),))
+        rverror.parts.MeasuredPart("crank", f"C{n}", (rverror.effect("crank.eccentricity", disc=0, radial=x),))
         for n, x in enumerate(rng.normal(0, 4e-3, 6))
     ]
     housings = [
-        rverror.MeasuredPart("housing", f"H{n}", (rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos=x),))
+        rverror.parts.MeasuredPart(
+            "housing", f"H{n}", (rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos=x),)
+        )
         for n, x in enumerate(rng.normal(0, 2e-3, 4))
     ]
     rverror.save_model(Path("unit.toml"), rverror.Model(UNIT))
-    rverror.save_parts("cranks.csv", cranks)
-    rverror.save_parts("housings.csv", housings)
+    rverror.parts.save_parts("cranks.csv", cranks)
+    rverror.parts.save_parts("housings.csv", housings)
     return tmp_path
 
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from remedy import REMEDY
-from rverror import Model, effect, load_orders, reducer, save_model, simulate_runs, transmission_error
+from rverror import Model, effect, reducer, save_model, transmission_error
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
 from rverror.reference.cases import pick
+from rverror.runs import load_orders, simulate_runs
 
 GEAR = Model(reducer("RV-40E"), (effect("cycloid.pin_circle", harmonic=2, radial_cos="5 um"),))
 

@@ -11,8 +11,7 @@ import pytest
 
 from bench_files import INPUT, OUTPUT, TIME, N, hdf5, mat, tdms
 from pages import ROOT
-from rverror import diagnose_folder
-from rverror.app import command_line as cli
+from rverror.app import command_line as cli, diagnose_folder
 from rverror.app.command_line import main
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import draft_mapping

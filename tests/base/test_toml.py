@@ -5,8 +5,7 @@ from __future__ import annotations
 import tomllib
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from rverror.base.errors import InputError
 from rverror.base.toml import EXAMPLES, Place, read_toml

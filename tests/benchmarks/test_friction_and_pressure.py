@@ -35,7 +35,7 @@ def test_what_is_timed_tells_something() -> None:
     """The friction costs power and holds the branches apart; the uncertainty is that of a stated bench."""
     model = benchmark.model_of(rverror.reducer("RV-40E"), 0.0)
     theta = np.linspace(0, 0.1, 4)
-    passed = rverror.efficiency(model, theta, torque=benchmark.TORQUE, friction=benchmark.RUBS, direction=1.0)
+    passed = rverror.statics.efficiency(model, theta, torque=benchmark.TORQUE, friction=benchmark.RUBS, direction=1.0)
     assert 0.5 < passed.mean < 1
     assert benchmark.every_figure()[0] > 0
     assert benchmark.Cost("", "", 3.0, 2.0).ratio == 1.5

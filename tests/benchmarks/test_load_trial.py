@@ -16,8 +16,7 @@ from pages import ROOT
 
 sys.path.append(str(ROOT))
 
-from benchmarks.load_trial import __main__ as trial
-from benchmarks.load_trial import draws, grades, judging, lists, sizes
+from benchmarks.load_trial import __main__ as trial, draws, grades, judging, lists, sizes
 from benchmarks.load_trial.__main__ import main
 from benchmarks.load_trial.kernel import Train, add_bearing
 from benchmarks.load_trial.parts import KINDS, Error, build, declared, limits, size
@@ -203,7 +202,7 @@ def test_a_unit_of_the_list_within_the_figures_of_the_maker() -> None:
 
 
 def test_preload_of_all_bearings_beside_the_equilibrium_of_rverror() -> None:
-    preload = rverror.BearingPreload(crank_bearing=2e-3, carrier_bearing=1e-3)
+    preload = rverror.geartrain.BearingPreload(crank_bearing=2e-3, carrier_bearing=1e-3)
     reducer = rverror.reducer("RV-40E", bearing_preload=preload)
     train = train_of(reducer)
     errors = [e for e in random_errors(np.random.default_rng(9), train) if "bearing_clearance" not in e.key]

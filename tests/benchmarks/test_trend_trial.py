@@ -18,8 +18,7 @@ sys.path.append(str(ROOT))
 
 from benchmarks.load_trial.parts import Error, build
 from benchmarks.load_trial.planar import train_of
-from benchmarks.lot_trial import exact
-from benchmarks.lot_trial import make as lots
+from benchmarks.lot_trial import exact, make as lots
 from benchmarks.trend_trial import make
 from benchmarks.trend_trial.judging import SEEABLE, beyond, compared
 

@@ -35,9 +35,9 @@ def maker() -> tuple[rverror.Model, list]:
 
 
 def test_the_nominal_unit_has_the_stiffness_of_the_maker(maker: tuple[rverror.Model, list]) -> None:
-    stiffness = rverror.torsional_stiffness(maker[0], two_lists.PLACES).mean() * 60 * ARCSEC * 1e-3
+    stiffness = rverror.statics.torsional_stiffness(maker[0], two_lists.PLACES).mean() * 60 * ARCSEC * 1e-3
     assert stiffness == pytest.approx(108, abs=0.1)
-    factor = {maker[0].mechanism.stiffness.__dict__[k] / v for k, v in rverror.Stiffness().__dict__.items()}
+    factor = {maker[0].mechanism.stiffness.__dict__[k] / v for k, v in rverror.geartrain.Stiffness().__dict__.items()}
     assert list(factor) == pytest.approx([1.415] * len(factor))
 
 
@@ -89,7 +89,7 @@ def test_it_prints_its_table(capsys: pytest.CaptureFixture[str], monkeypatch: py
 
 def test_the_page_says_what_drives_the_error(maker: tuple[rverror.Model, list]) -> None:
     page = " ".join((ROOT / "docs" / "theory" / "rigidity.md").read_text(encoding="utf-8").split())
-    found = rverror.budget(rverror.stack(*maker), draws=2)
+    found = rverror.tolerances.budget(rverror.tolerances.stack(*maker), draws=2)
     first = sorted(found.contributions, key=lambda c: -c.share)[:4]
     assert [c.label for c in first] == [
         "runout of the lobes",

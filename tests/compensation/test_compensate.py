@@ -96,7 +96,9 @@ def test_runs_of_different_zeros_are_refused() -> None:
 
 
 def test_a_table_of_few_conditions_leaves_nothing_out_and_is_refused() -> None:
-    table = rverror.orders_from_arrays(direction=["forward"], torque=[1e5], order=[39], amplitude=[1e-5], phase=[0.0])
+    table = rverror.runs.orders_from_arrays(
+        direction=["forward"], torque=[1e5], order=[39], amplitude=[1e-5], phase=[0.0]
+    )
     with pytest.raises(rverror.InputError, match="nothing can be left out"):
         rverror.compensate(rverror.Model(UNIT), [table])
 

@@ -53,8 +53,8 @@ def test_a_joint_with_the_table_in_its_command_path_has_less_error(form: str, ra
     made = correction_of({k: -z for k, z in waves.items()}, ratio)
     table: Any = made
     if form != "waves":
-        rverror.save_compensation(tmp_path / "table", compensation_of(made), format=form)
-        table = rverror.load_compensation(tmp_path / "table", ratio)
+        rverror.compensation.save_compensation(tmp_path / "table", compensation_of(made), format=form)
+        table = rverror.compensation.load_compensation(tmp_path / "table", ratio)
     theta = np.linspace(-7.0, 9.0, 4001)
     for condition in (FORWARD, REVERSE):
         error = lambda angle: wave_sum(angle, te.orders, te.waves)  # noqa: E731
@@ -71,8 +71,8 @@ def test_points_are_solved_for_where_the_input_then_stands(tmp_path: Path) -> No
     """So large a wave that to first order 35 arcsec of it stay: a table by points leaves what is between them."""
     made = correction_of({40.0: -600.0})
     assert made.of_itself(FORWARD) / ARCSEC > 30
-    written = rverror.save_compensation(tmp_path / "t.csv", compensation_of(made))
-    table = rverror.load_compensation(tmp_path / "t.csv", 49.0)
+    written = rverror.compensation.save_compensation(tmp_path / "t.csv", compensation_of(made))
+    table = rverror.compensation.load_compensation(tmp_path / "t.csv", 49.0)
     assert written.of_itself == 0
     theta = np.linspace(0, 2 * np.pi, 4001)
     moved = theta + table.at(theta, FORWARD)
@@ -83,7 +83,7 @@ def test_points_are_solved_for_where_the_input_then_stands(tmp_path: Path) -> No
 def test_the_csv_table_is_added_to_the_inputs_command(tmp_path: Path) -> None:
     """Read as its header says, without rverror: input command = ratio * output angle + correction, degrees."""
     made = correction_of({3.0: -20.0}, ratio=-14.0)
-    rverror.save_compensation(tmp_path / "t.csv", compensation_of(made))
+    rverror.compensation.save_compensation(tmp_path / "t.csv", compensation_of(made))
     lines = (tmp_path / "t.csv").read_text().splitlines()
     assert "# added: input command = ratio * output_angle + correction" in lines
     rows = np.array([[float(cell) for cell in line.split(",")] for line in lines if line[0].isdigit()])
@@ -97,16 +97,16 @@ def test_the_csv_table_names_a_direction_without_a_run(tmp_path: Path) -> None:
     both = correction_of({3.0: -20.0})
     one = replace(both, table=replace(both.table, cases=both.table.cases[:1]))
     for name, made in (("both", both), ("forward", one)):
-        rverror.save_compensation(tmp_path / name, compensation_of(made))
+        rverror.compensation.save_compensation(tmp_path / name, compensation_of(made))
         said = "# reverse: not measured, so nothing is added" in (tmp_path / name).read_text().splitlines()
-        reverse = rverror.load_compensation(tmp_path / name, both.ratio).reverse
+        reverse = rverror.compensation.load_compensation(tmp_path / name, both.ratio).reverse
         assert said == (not reverse.any()) == (name == "forward")
 
 
 def test_the_json_table_is_applied_as_its_own_sentence_says(tmp_path: Path) -> None:
     """Read without rverror: the sentence under "added" is the formula, its sign with it."""
     made = correction_of({3.0: -20.0 + 5j}, ratio=-14.0)
-    rverror.save_compensation(tmp_path / "t.json", compensation_of(made), format="json")
+    rverror.compensation.save_compensation(tmp_path / "t.json", compensation_of(made), format="json")
     data = json.loads((tmp_path / "t.json").read_text())
     formula = re.fullmatch(
         r"input command = ratio \* \(theta \+ sum of (.*) \+ (.*)\), theta the output .*", data["added"]
@@ -124,7 +124,7 @@ def test_the_json_table_is_applied_as_its_own_sentence_says(tmp_path: Path) -> N
 def test_linuxcnc_adds_nominal_less_forward(tmp_path: Path) -> None:
     """As its source reads a file of type 0: bare triplets, growing, 256 at most; trim = nominal - forward."""
     made = correction_of({2.0: -30.0})
-    rverror.save_compensation(tmp_path / "t.comp", compensation_of(made), format="linuxcnc")
+    rverror.compensation.save_compensation(tmp_path / "t.comp", compensation_of(made), format="linuxcnc")
     rows = np.array([[float(cell) for cell in line.split()] for line in (tmp_path / "t.comp").read_text().splitlines()])
     assert rows.shape == (256, 3)
     assert (np.diff(rows[:, 0]) > 0).all()
@@ -257,20 +257,20 @@ def write(path: Path, text: str) -> Path:
 )
 def test_what_is_no_table_is_refused(text: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(rverror.InputError, match=words):
-        rverror.load_compensation(write(tmp_path / "t", text), 49.0)
+        rverror.compensation.load_compensation(write(tmp_path / "t", text), 49.0)
 
 
 @pytest.mark.parametrize("form", ["csv", "json"])
 def test_a_table_for_another_ratio_is_refused(form: str, tmp_path: Path) -> None:
-    rverror.save_compensation(tmp_path / "t", compensation_of(correction_of({3.0: 1.0})), format=form)
+    rverror.compensation.save_compensation(tmp_path / "t", compensation_of(correction_of({3.0: 1.0})), format=form)
     with pytest.raises(rverror.InputError, match="made for a ratio of 49, the model's is 121; make a table for it"):
-        rverror.load_compensation(tmp_path / "t", 121.0)
+        rverror.compensation.load_compensation(tmp_path / "t", 121.0)
 
 
 def test_an_existing_file_and_an_unknown_form_are_refused(tmp_path: Path) -> None:
     made = compensation_of(correction_of({3.0: 1.0}))
-    rverror.save_compensation(tmp_path / "t", made)
+    rverror.compensation.save_compensation(tmp_path / "t", made)
     with pytest.raises(rverror.InputError, match="exists"):
-        rverror.save_compensation(tmp_path / "t", made)
+        rverror.compensation.save_compensation(tmp_path / "t", made)
     with pytest.raises(rverror.InputError, match="must be one of csv, json, linuxcnc"):
-        rverror.save_compensation(tmp_path / "u", made, format="xml")
+        rverror.compensation.save_compensation(tmp_path / "u", made, format="xml")

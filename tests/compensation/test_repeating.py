@@ -93,7 +93,7 @@ def test_a_line_between_orders_stays_and_is_told() -> None:
 def test_orders_onto_which_the_mesh_folds_are_left_out() -> None:
     """At 256 samples a turn the gear mesh of the small unit folds; a table made of that would err between samples."""
     mesh = 27 * 16.0
-    image = rverror.folded_order(mesh, 256)
+    image = rverror.geartrain.folded_order(mesh, 256)
     theta = TURN * np.arange(768) / 256
     error = 5 * ARCSEC * np.cos(mesh * theta) + red(1, 768)
     run = rverror.run_from_arrays(input_angle=UNIT.ratio * theta, te=error, direction="forward")
@@ -168,7 +168,7 @@ def test_speed_and_temperature_count_where_they_vary() -> None:
 def test_what_is_calculated_has_no_orders_below_a_thousandth_of_an_arcsec() -> None:
     """Without noise hundreds of orders stand out; none that no table needs is taken."""
     model = rverror.Model(UNIT, (rverror.effect("cycloid.pin_position", pin=3, radial="6 um"),))
-    runs = rverror.simulate_runs(model, torques=[50e3], method="equilibrium", points=1024, revolutions=2)
+    runs = rverror.runs.simulate_runs(model, torques=[50e3], method="equilibrium", points=1024, revolutions=2)
     made = rverror.compensate(rverror.Model(UNIT), runs)
     assert made.after.rms < 0.02 * ARCSEC
     assert made.after.rms < 0.01 * made.before.rms

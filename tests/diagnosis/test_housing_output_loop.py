@@ -30,7 +30,7 @@ def test_another_part_is_refused(tmp_path: Path) -> None:
 
 def test_dynamics_refuse_it() -> None:
     with pytest.raises(InputError, match=r"output = 'housing'.*take output = 'carrier'"):
-        rverror.modes(rverror.Model(UNIT))
+        rverror.dynamics.modes(rverror.Model(UNIT))
 
 
 def test_input_turns_against_the_housing() -> None:
@@ -43,7 +43,7 @@ def test_named_from_its_runs() -> None:
     """A disc's bore is named, with its size, and no other."""
     true = effect("cycloid.disc_bore_position", disc=0, crank=1, radial="9 um", tangential="-6 um")
     model = rverror.Model(UNIT)
-    runs = rverror.simulate_runs(
+    runs = rverror.runs.simulate_runs(
         model.with_effects(true),
         points=2048,
         revolutions=2,

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 
 import rverror
-from rverror import ErrorVector, effect
+from rverror import effect
+from rverror.geartrain import ErrorVector
 from rverror.geartrain.kinematics import Pose
 from rverror.model.catalogue import extended, source
 
@@ -23,7 +24,7 @@ def test_it_is_left_as_declared_and_hides_nothing() -> None:
         declared = effect("sensor.idle", cos="1 arcsec", uncertainty="1 arcsec")
         model = rverror.Model(rverror.reducer("RV-40E"), (declared,))
         missing = effect("sensor.encoder_eccentricity", cos="20 arcsec")
-        runs = rverror.simulate_runs(
+        runs = rverror.runs.simulate_runs(
             model.with_effects(missing),
             points=1024,
             torques=["20 N*m"],

@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.stats import f
 
 from recordings import recording
-from rverror import InputError, load_orders
+from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.diagnosis.wave_fit import WavePart, both_ways, disc_factor, fit_waves
+from rverror.runs import load_orders
 from rverror.runs.order_table import OrderCase, TableCondition
 
 TORQUES = tuple(np.linspace(0.0, 1.8e6, 10))

@@ -26,7 +26,7 @@ ENCODER, SLOPE = "sensor.encoder_eccentricity", "sensor.ratio_error"
 ONLY = replace(POLICY, keys=(ENCODER, SLOPE))
 
 
-def prior_of(*tolerances: rverror.Tolerance) -> SizePrior:
+def prior_of(*tolerances: rverror.tolerances.Tolerance) -> SizePrior:
     return SizePrior.of(tolerances, UNIT)
 
 
@@ -37,12 +37,12 @@ def short_run() -> rverror.Run:
     return rverror.run_from_arrays(input_angle=UNIT.ratio * theta, te=error, direction="forward")
 
 
-def says(key: str, deviation: float, unit: str = "") -> rverror.Tolerance:
+def says(key: str, deviation: float, unit: str = "") -> rverror.tolerances.Tolerance:
     width = f"{3 * deviation} {unit}" if unit else 3 * deviation
     return rverror.tolerance(key, width, distribution="normal")
 
 
-def named(*prior: rverror.Tolerance) -> tuple[list[str], list[str]]:
+def named(*prior: rverror.tolerances.Tolerance) -> tuple[list[str], list[str]]:
     """What is named, and what does as well."""
     (added,) = rverror.diagnose(BARE, [short_run()], policy=ONLY, prior=prior).added
     return [added.effect.key], [key for key, _ in added.indistinguishable]
@@ -147,7 +147,9 @@ def test_a_prior_that_cannot_be_used_is_refused_in_one_line(
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(unit, encoding="utf-8")
     theta = TURN * np.arange(64) / 64
-    rverror.write_run("run.csv", rverror.run_from_arrays(input_angle=121 * theta, te=0 * theta, direction="forward"))
+    rverror.runs.write_run(
+        "run.csv", rverror.run_from_arrays(input_angle=121 * theta, te=0 * theta, direction="forward")
+    )
     if prior is not None:
         Path("made.toml").write_text(prior, encoding="utf-8")
     assert main(["diagnose", "model.toml", "run.csv", "--prior", "made.toml"]) == 2
@@ -158,6 +160,6 @@ def test_a_prior_that_cannot_be_used_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize("wrong", ["made.toml", 3.0, [0.005], [rverror.effect(SLOPE, slope=1e-4)]])
-def test_what_is_no_tolerance_is_refused(wrong: Sequence[rverror.Tolerance]) -> None:
+def test_what_is_no_tolerance_is_refused(wrong: Sequence[rverror.tolerances.Tolerance]) -> None:
     with pytest.raises(rverror.InputError, match="load_tolerances"):
         rverror.diagnose(BARE, [short_run()], prior=wrong)

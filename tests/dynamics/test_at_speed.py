@@ -10,18 +10,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
-from rverror import Bench, Inertia, Model, Reducer, Stiffness, effect, modes, speed_response
+from rverror import Model, Reducer, effect
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
+from rverror.dynamics import modes, speed_response
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import LoadedMotion, loaded_motion
 from rverror.dynamics.train import Train
+from rverror.geartrain import Inertia, Stiffness
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import samples_needed
+from rverror.model import Bench
 from rverror.statics.loaded_state import Settled, statics_of
 from strategies import reducers, variant
 
@@ -45,7 +47,7 @@ BOTH_ENDS = Bench(
 )
 
 
-def deviation(found: rverror.SpeedResponse) -> np.ndarray:
+def deviation(found: rverror.dynamics.SpeedResponse) -> np.ndarray:
     return found.transmission_error - found.crawl
 
 

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
-from rverror import Bench, Model, Reducer, effect, modes, speed_response
+from rverror import Model, Reducer, effect
+from rverror.dynamics import modes, speed_response
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain.contacts import pose
+from rverror.model import Bench
 from rverror.statics.loaded_state import Settled, statics_of
 from strategies import reducers, variant
 
@@ -40,7 +41,7 @@ ERRORS = (
 def test_kinds_are_those_of_stiffness_and_springs() -> None:
     kinds = {name.removesuffix("_damping") for name in KINDS}
     springs = {name.removesuffix("_stiffness") for name in Bench.__dataclass_fields__ if name.endswith("_stiffness")}
-    assert kinds == set(rverror.Stiffness.__dataclass_fields__) | springs
+    assert kinds == set(rverror.geartrain.Stiffness.__dataclass_fields__) | springs
 
 
 @settings(max_examples=10, deadline=None)

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror import Bench, Model, effect, modes, speed_response
+from rverror import Model, effect
+from rverror.dynamics import modes, speed_response
+from rverror.model import Bench
 
 UNIT = rverror.reducer("RV-40E")
 CAM = effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")

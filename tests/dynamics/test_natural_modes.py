@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 import rverror
-from rverror import Bench, Inertia, Model, Modes, Reducer, Stiffness, modes
+from rverror import Model, Reducer
 from rverror.app.command_line import main
+from rverror.dynamics import Modes, modes
+from rverror.geartrain import Inertia, Stiffness
+from rverror.model import Bench
 from strategies import angles, reducers, scaled, variant
 
 UNIT = rverror.reducer("RV-40E")
@@ -70,7 +72,7 @@ def test_modes_wind_up_as_the_equilibrium_does_where_contacts_open_and_follow_a_
         rverror.effect("cycloid.pin_position", pin=3, radial="-6 um"),
         rverror.effect("crank.bearing_clearance", clearance="3 um"),
     )
-    law = rverror.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9)
+    law = rverror.geartrain.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9)
     model = Model(rverror.reducer("RV-40E", contact_law=law), effects)
     torque, step = 20e3, 1.0
     for theta in (0.1, 1.3):

@@ -7,16 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.special import fresnel
 
 import rverror
-from rverror import Bench, InputError, Model, RunUp, effect, modes, run_up, speed_response
+from rverror import InputError, Model, effect
 from rverror.base.units import ARCSEC
+from rverror.dynamics import RunUp, modes, run_up, speed_response
 from rverror.dynamics.harmonic_balance import Oscillator, slope
 from rverror.dynamics.rates import rates
 from rverror.dynamics.time_integration import Forced, periodic
+from rverror.model import Bench
 from strategies import variant
 
 RPM = math.pi / 30

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 
 import rverror
-from rverror import Drive, Friction, Reducer, Stiffness
+from rverror import Drive, Reducer
+from rverror.geartrain import Friction, Stiffness
 from rverror.geartrain.mechanism import check_same_geometry, preset_parameters, presets
 from strategies import reducers, variant
 

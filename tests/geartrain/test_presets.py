@@ -11,8 +11,8 @@ import pytest
 
 import rverror
 from pages import DOCS, text
-from rverror import Stiffness
 from rverror.base.units import CORE_UNITS, DISPLAY_UNITS, to_display
+from rverror.geartrain import Stiffness
 from rverror.geartrain.mechanism import DIMENSIONS, preset_parameters, presets
 
 #: Ratios of the maker's table, shaft rotation; what is printed with decimals is cut off or rounded.
@@ -65,7 +65,7 @@ def test_teeth_are_the_only_ones_that_make_the_printed_ratios(size: str) -> None
     assert all(other == (pins, k * teeth) for k, other in enumerate(best(size), 1))
     fits = fitting(size, pins, teeth)
     words = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight")
-    assert f"{words[len(fits)]} of {words[len(PRINTED[size])]}" in rverror.preset_origins(size)["sun_teeth"]
+    assert f"{words[len(fits)]} of {words[len(PRINTED[size])]}" in rverror.geartrain.preset_origins(size)["sun_teeth"]
     # of the ratios that fit and are whole, the nearest to the RV-40E's
     nearest = min((abs(int(printed) - 121), printed) for printed in fits if "." not in printed)[1]
     assert fits[nearest] == (unit.sun_teeth, unit.planet_teeth)
@@ -99,11 +99,11 @@ def test_lengths_are_those_of_a_similar_unit(size: str) -> None:
     for name in ("pin_circle_radius", "pin_radius", "eccentricity"):
         value = getattr(unit, name)
         assert value == round(scale * getattr(base, name), 2)
-        assert f"{scale:.4f}" in rverror.preset_origins(size)[name]
+        assert f"{scale:.4f}" in rverror.geartrain.preset_origins(size)[name]
     for name in ("cranks", "discs", "pressure_angle"):
         assert getattr(unit, name) == getattr(base, name)
     wished = 2 * scale * base.crank_radius / (unit.sun_teeth + unit.planet_teeth)
-    assert f"{wished:.4f} mm" in rverror.preset_origins(size)["module"]
+    assert f"{wished:.4f} mm" in rverror.geartrain.preset_origins(size)["module"]
     assert unit.module == min(MODULES, key=lambda module: abs(module - wished))
 
 
@@ -111,9 +111,9 @@ def test_lengths_are_those_of_a_similar_unit(size: str) -> None:
 def test_stiffness_gives_the_windup_of_the_rv40e_under_rated_torque(name: str) -> None:
     unit = rverror.reducer(name)
     wished = 108 * unit.rated_torque / rverror.reducer("RV-40E").rated_torque
-    found = rverror.torsional_stiffness(rverror.Model(unit), np.array([0.3])) / N_M_PER_ARCMIN
+    found = rverror.statics.torsional_stiffness(rverror.Model(unit), np.array([0.3])) / N_M_PER_ARCMIN
     np.testing.assert_allclose(found, wished, rtol=0.005)  # the scale has three digits
-    assert f"{wished:.4g} N*m/arcmin" in rverror.preset_origins(name)["stiffness"]
+    assert f"{wished:.4g} N*m/arcmin" in rverror.geartrain.preset_origins(name)["stiffness"]
     proportions = [getattr(unit.stiffness, key) / getattr(Stiffness(), key) for key in vars(unit.stiffness)]
     np.testing.assert_allclose(proportions, proportions[0], rtol=0.005)
 
@@ -159,13 +159,13 @@ def test_bores_turn_the_output_as_in_any_reducer(name: str) -> None:
 
 @pytest.mark.parametrize("name", presets())
 def test_every_number_has_an_origin_that_the_bibliography_or_a_rule_tells(name: str) -> None:
-    origins = rverror.preset_origins(name)
+    origins = rverror.geartrain.preset_origins(name)
     assert set(origins) == set(preset_parameters(name)) - {"name"}
     headings = re.findall(r"^## (.+)$", text(DOCS / "bibliography.md"), re.MULTILINE)
     known = (*headings, "inferred:", "derived:", "assumed:")
     assert all(origin.startswith(known) for origin in origins.values())
     with pytest.raises(ValueError, match="no preset 'RV-20'; did you mean 'RV-20E'"):
-        rverror.preset_origins("RV-20")
+        rverror.geartrain.preset_origins("RV-20")
 
 
 def written(name: str, value: object) -> str:
@@ -180,7 +180,9 @@ def written(name: str, value: object) -> str:
 
 
 def table_of(name: str) -> str:
-    origins = {key: said.replace("*", r"\*") for key, said in rverror.preset_origins(name).items()}  # no emphasis
+    origins = {
+        key: said.replace("*", r"\*") for key, said in rverror.geartrain.preset_origins(name).items()
+    }  # no emphasis
     rows = [
         f"| `{key}` | {written(key, value)} | {origins[key]} |"
         for key, value in preset_parameters(name).items()

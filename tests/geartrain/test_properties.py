@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror import Effect, Model, Reducer
@@ -367,7 +366,7 @@ def test_effects_superpose(unit: Reducer, theta: Array, direction: int, seed: in
     alone = [rverror.transmission_error(Model(unit, (e,)), theta, **state) for e in effects]
     scale = np.abs(alone).max()
     np.testing.assert_allclose(total, np.sum(alone, axis=0), atol=1e-11 * scale)
-    rows = rverror.transmission_error_by_effect(Model(unit, effects), theta, **state)
+    rows = rverror.model.transmission_error_by_effect(Model(unit, effects), theta, **state)
     np.testing.assert_allclose(rows, alone, atol=1e-12 * scale)
     twice = tuple(Effect(e.key, e.indices, tuple(2 * v for v in e.values)) for e in effects)
     again = rverror.transmission_error(Model(unit, twice), theta, **state)
@@ -377,7 +376,7 @@ def test_effects_superpose(unit: Reducer, theta: Array, direction: int, seed: in
 @given(reducers())
 def test_no_effect_no_error(unit: Reducer) -> None:
     np.testing.assert_array_equal(rverror.transmission_error(Model(unit), np.linspace(0, 1, 7)), 0)
-    assert rverror.transmission_error_by_effect(Model(unit), np.linspace(0, 1, 7)).shape == (0, 7)
+    assert rverror.model.transmission_error_by_effect(Model(unit), np.linspace(0, 1, 7)).shape == (0, 7)
 
 
 # --- cycloid profile ------------------------------------------------------------------------------------------------

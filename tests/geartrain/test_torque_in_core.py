@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from rverror.base.units import InCore, to_core
@@ -20,7 +19,7 @@ UNIT = rverror.reducer("RV-40E")
 SOFT = rverror.effect("load.torsion", compliance="0.05 arcsec/(N*m)")
 MODEL = rverror.Model(UNIT, (SOFT,))
 PLAIN = rverror.Model(UNIT)
-RUBBING = rverror.Friction(pin=0.05)
+RUBBING = rverror.geartrain.Friction(pin=0.05)
 THETA = [0.0, 0.1]
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um")]
 RATED = 412e3
@@ -29,19 +28,21 @@ WEAR = {"speed": "1815 rpm", "hours": [0, 1], "disc_width": "9 mm", "gear_width"
 #: Everything that takes a torque and knows the reducer.
 ASKED: dict[str, Callable[[Any], object]] = {
     "equilibrium": lambda torque: rverror.equilibrium(PLAIN, 0, torque=torque),
-    "linearise": lambda torque: rverror.linearise(PLAIN, 0, torque=torque),
+    "linearise": lambda torque: rverror.statics.linearise(PLAIN, 0, torque=torque),
     "of a model": lambda torque: PLAIN.equilibrium(torque, THETA),
     "transmission error": lambda torque: rverror.transmission_error(MODEL, THETA, torque=torque),
     "influence": lambda torque: rverror.influence(UNIT, THETA, "load.torsion", torque=torque),
-    "stack": lambda torque: rverror.stack(MODEL, CAMS, torque=torque),
-    "stack at speed": lambda torque: rverror.stack(PLAIN, CAMS, speed="300 rpm", torque=torque),
-    "virtual units": lambda torque: rverror.virtual_units(PLAIN, CAMS, count=16, torque=torque),
-    "torsion curve": lambda torque: rverror.torsion_curve(PLAIN, THETA, torques=[-torque, 0.0, torque]),
-    "hysteresis": lambda torque: rverror.hysteresis(PLAIN, [0.0], torques=np.array([torque]), friction=RUBBING),
-    "efficiency": lambda torque: rverror.efficiency(PLAIN, THETA, torque=torque, friction=RUBBING),
-    "pressure": lambda torque: rverror.contact_pressure(PLAIN, THETA, torque=torque, disc_width=9.0, gear_width=8.0),
-    "modes": lambda torque: rverror.modes(PLAIN, torque=torque),
-    "running up": lambda torque: rverror.run_up(PLAIN, [0, 0.01], ["60 rpm"] * 2, torque=[torque] * 2, kept=1),
+    "stack": lambda torque: rverror.tolerances.stack(MODEL, CAMS, torque=torque),
+    "stack at speed": lambda torque: rverror.tolerances.stack(PLAIN, CAMS, speed="300 rpm", torque=torque),
+    "virtual units": lambda torque: rverror.tolerances.virtual_units(PLAIN, CAMS, count=16, torque=torque),
+    "torsion curve": lambda torque: rverror.statics.torsion_curve(PLAIN, THETA, torques=[-torque, 0.0, torque]),
+    "hysteresis": lambda torque: rverror.statics.hysteresis(PLAIN, [0.0], torques=np.array([torque]), friction=RUBBING),
+    "efficiency": lambda torque: rverror.statics.efficiency(PLAIN, THETA, torque=torque, friction=RUBBING),
+    "pressure": lambda torque: rverror.statics.contact_pressure(
+        PLAIN, THETA, torque=torque, disc_width=9.0, gear_width=8.0
+    ),
+    "modes": lambda torque: rverror.dynamics.modes(PLAIN, torque=torque),
+    "running up": lambda torque: rverror.dynamics.run_up(PLAIN, [0, 0.01], ["60 rpm"] * 2, torque=[torque] * 2, kept=1),
     "simulation": lambda torque: rverror.simulate(PLAIN, points=64, torque=torque),
 }
 
@@ -92,7 +93,7 @@ def test_without_a_rated_torque_nothing_is_known() -> None:
 def test_small_torques_that_are_computed_are_not_doubted() -> None:
     """A percentage of the rated torque; conditions of a run, whose file has units."""
     assert told(lambda: rverror.lost_motion(PLAIN, THETA, percent=0.1)) == []
-    assert told(lambda: rverror.torsional_stiffness(PLAIN, THETA, low=0.1, high=0.2)) == []
+    assert told(lambda: rverror.statics.torsional_stiffness(PLAIN, THETA, low=0.1, high=0.2)) == []
     assert told(lambda: rverror.equilibrium(PLAIN, Conditions(np.zeros(1), 1.0, 412.0))) == []
 
 

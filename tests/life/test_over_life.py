@@ -199,7 +199,7 @@ def test_runs_that_tell_no_trend_are_refused(life: tuple[Path, dict[str, Any]]) 
     with pytest.raises(rverror.InputError, match="tell no lost motion"):
         rverror.trend(model, apart, limit=rverror.limit("lost_motion", "90 arcsec"))
     with pytest.raises(rverror.InputError, match="before: no run"):
-        rverror.compare_runs([], runs[:2])
+        rverror.life.compare_runs([], runs[:2])
 
 
 def test_two_measurements_of_one_state_differ_as_rarely_as_stated() -> None:
@@ -217,8 +217,8 @@ def test_two_measurements_of_one_state_differ_as_rarely_as_stated() -> None:
             )
             for new in (0.0, 0.0, wave)
         )
-        told += bool(rverror.compare_runs([one], [same]).orders)
-        found += any(order.order == 7 for order in rverror.compare_runs([one], [other]).orders)
+        told += bool(rverror.life.compare_runs([one], [same]).orders)
+        found += any(order.order == 7 for order in rverror.life.compare_runs([one], [other]).orders)
     assert told <= 2
     assert found >= 22
 

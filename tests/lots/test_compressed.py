@@ -38,7 +38,7 @@ def put(root: Path, serials: Sequence[str], *, samples: int = 64, ways: Sequence
             run = rverror.run_from_arrays(
                 input_angle=UNIT.ratio * theta[order], te=error[order], direction=way, torque="50 N*m"
             )
-            rverror.write_run(root / serial / f"run{way:+.0f}.csv", run)
+            rverror.runs.write_run(root / serial / f"run{way:+.0f}.csv", run)
     return root
 
 

@@ -181,7 +181,7 @@ def test_refusals() -> None:
 def put(folder: Path, given: Sequence[LotUnit]) -> None:
     for unit in given:
         (folder / unit.serial).mkdir(parents=True)
-        rverror.write_run(folder / unit.serial / "run.csv", unit.runs[0])
+        rverror.runs.write_run(folder / unit.serial / "run.csv", unit.runs[0])
     (folder / "drive.toml").write_text('name = "seven"\n[drive]\nratio = 7.0\n', "utf-8")
 
 

@@ -16,10 +16,11 @@ import pytest
 
 import rverror
 from every_kind import HOSTILE, MODEL, lot
-from rverror import to_csv, to_html, to_json, to_text
+from rverror import to_html, to_json, to_text
 from rverror.base.units import ARCSEC
 from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
+from rverror.views import to_csv
 
 EMPTY = Lot("unit", 5, ("forward at 20 N*m",), (), (), (), {}, (), (), (), (), 0.5)
 
@@ -114,7 +115,7 @@ def test_the_table_for_spreadsheets_has_a_row_for_each_process() -> None:
 # --- the tolerance file -----------------------------------------------------------------------------------------------
 
 
-def read_back(result: Lot, tmp_path: Path) -> tuple[rverror.Tolerance, ...]:
+def read_back(result: Lot, tmp_path: Path) -> tuple[rverror.tolerances.Tolerance, ...]:
     path = tmp_path / "made.toml"
     path.write_text(tolerances_as_made(result), encoding="utf-8")
     return rverror.load_tolerances(path, MODEL)
@@ -125,7 +126,7 @@ def test_the_file_gives_back_the_standard_deviations(tmp_path: Path) -> None:
     made = [one for one in lot().processes if one.above_zero and one.deviation]
     found = read_back(lot(), tmp_path)
     assert [(one.key, dict(one.indices)) for one in found] == [(one.key, dict(one.indices)) for one in made]
-    stacked = rverror.stack(MODEL, found, theta=np.linspace(0, 1, 8))
+    stacked = rverror.tolerances.stack(MODEL, found, theta=np.linspace(0, 1, 8))
     deviations = np.sqrt(np.diag(stacked.covariance)) * stacked.width[stacked.entry]
     wanted = [one.deviation.value for one in made if one.deviation]
     np.testing.assert_allclose(deviations, np.array(wanted)[stacked.entry], rtol=1e-3)

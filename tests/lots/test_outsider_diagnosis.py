@@ -26,7 +26,7 @@ def runs(*effects: rverror.Effect) -> Sequence[rverror.Run]:
 
 def test_a_unit_has_its_own_cause_and_the_lot_its_stiffness() -> None:
     spoilt = runs(rverror.effect("sensor.encoder_eccentricity", cos="40 arcsec"))
-    found = rverror.diagnose_outsiders(Model(UNIT), FOUND, {"017": spoilt})
+    found = rverror.lots.diagnose_outsiders(Model(UNIT), FOUND, {"017": spoilt})
     first, second = found.outsiders
     assert first.diagnosis is not None
     assert second == FOUND.outsiders[1]  # its runs were not given
@@ -43,4 +43,4 @@ def test_a_unit_has_its_own_cause_and_the_lot_its_stiffness() -> None:
 
 def test_runs_of_a_member_are_refused() -> None:
     with pytest.raises(InputError, match="unit '018' is no outsider of the lot; give runs of 017, 031"):
-        rverror.diagnose_outsiders(Model(UNIT), FOUND, {"018": ()})
+        rverror.lots.diagnose_outsiders(Model(UNIT), FOUND, {"018": ()})

@@ -13,18 +13,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from oracle import REALISTIC, Oracle
 from oracle_cases import CASES as ORACLE_CASES
-from rverror import CATALOGUE, Linearisation, Model, Reducer, Stiffness
+from rverror import CATALOGUE, Model, Reducer
 from rverror.base.arrays import cross, dot, radial_and_tangential
+from rverror.geartrain import Stiffness
 from rverror.geartrain.action_line import Clearance, Compliance, ContactForces, Contacts, ErrorVector
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.compose import source_matrix
+from rverror.statics import Linearisation
 from rverror.statics.prediction import predict
 from strategies import Array, angles, in_phase_reducers, reducers, scaled, variant
 from tried import index_sets, period_and_samples
@@ -97,7 +98,7 @@ def preset(name: str, *, stiffness: Stiffness = RIGID) -> Reducer:
 
 def linearised(unit: Reducer, theta: Array, *, sense: int, torque: float = RATED) -> tuple[Contacts, Linearisation]:
     """State without errors, and its motion with what the measuring chain needs."""
-    loaded = rverror.linearise(Model(unit), theta, torque=torque, direction=sense)
+    loaded = rverror.statics.linearise(Model(unit), theta, torque=torque, direction=sense)
     return dataclasses.replace(loaded.motion, time=theta / 0.3, torque=torque), loaded
 
 
@@ -123,7 +124,7 @@ def test_closed_form_is_the_rigid_limit(key: str, name: str, sense: int) -> None
         assert_close(found, expected, size=size, limit=LIMIT, what=f"{key} {indices}")
 
 
-def carrying(state: rverror.Equilibrium) -> Array:
+def carrying(state: rverror.model.Equilibrium) -> Array:
     return np.asarray(dot(state.contact_forces["pin"], state.contact_forces["pin"]) > 0)
 
 

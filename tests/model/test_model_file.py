@@ -12,28 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from recordings import bench, recording
-from rverror import (
-    CATALOGUE,
-    Bench,
-    ContactLaw,
-    Drive,
-    Effect,
-    Encoders,
-    Friction,
-    Inertia,
-    Model,
-    Reducer,
-    Stiffness,
-    StiffnessUncertainty,
-    effect,
-    reducer,
-)
+from rverror import CATALOGUE, Drive, Effect, Model, Reducer, effect, reducer
 from rverror.base.errors import InputError
+from rverror.geartrain import ContactLaw, Friction, Inertia, Stiffness, StiffnessUncertainty
 from rverror.geartrain.mechanism import presets
+from rverror.model import Bench, Encoders
 from rverror.model.model_file import COUNTS, QUANTITIES, append_effects, load_model, save_model
 from strategies import reducers, variant
 

@@ -47,49 +47,64 @@ def of_runs(runs: tuple[rverror.Run, ...]) -> np.ndarray:
 
 def at_speed(model: rverror.Model) -> np.ndarray:
     """Every so many of the angles that it solves."""
-    found = rverror.speed_response(model, [0.0, 100.0], torque=20e3)
+    found = rverror.dynamics.speed_response(model, [0.0, 100.0], torque=20e3)
     return found.transmission_error[:, :: found.theta.size // N]
 
 
 def in_time(model: rverror.Model) -> np.ndarray:
     """One output turn at an even speed, which begins on the periodic motion."""
     turn = 2 * np.pi * 121 / 500.0
-    return rverror.run_up(model, [0, turn], [500.0] * 2, torque=20e3, kept=1, samples=N + 1).transmission_error[:-1]
+    return rverror.dynamics.run_up(
+        model, [0, turn], [500.0] * 2, torque=20e3, kept=1, samples=N + 1
+    ).transmission_error[:-1]
 
 
 def rolled_stack(model: rverror.Model) -> np.ndarray:
-    made = rverror.stack(model, [rverror.tolerance("cycloid.disc_bore_position", "5 um")], THETA)
+    made = rverror.tolerances.stack(model, [rverror.tolerance("cycloid.disc_bore_position", "5 um")], THETA)
     return np.concatenate([made.nominal[None], made.influence])
 
 
 #: How each public function that takes a model is asked for rows of samples over one turn.
 ROWS: dict[str, Callable[[rverror.Model], np.ndarray]] = {
     "transmission_error": waveform(rverror.transmission_error, torque=20e3),
-    "transmission_error_by_effect": lambda model: rverror.transmission_error_by_effect(model, THETA)[: len(PARTS)],
+    "transmission_error_by_effect": lambda model: rverror.model.transmission_error_by_effect(model, THETA)[
+        : len(PARTS)
+    ],
     "equilibrium": lambda model: rverror.equilibrium(model, THETA, torque=20e3).transmission_error,
-    "linearise": lambda model: rverror.linearise(model, THETA, torque=20e3).forces["pin"].sum(axis=0).reshape(-1, N),
+    "linearise": lambda model: (
+        rverror.statics.linearise(model, THETA, torque=20e3).forces["pin"].sum(axis=0).reshape(-1, N)
+    ),
     "contact_pressure": lambda model: (
-        rverror.contact_pressure(model, THETA, torque=20e3, disc_width=9.0, gear_width=8.0).pressure["pin"].sum(axis=1)
+        rverror.statics.contact_pressure(model, THETA, torque=20e3, disc_width=9.0, gear_width=8.0)
+        .pressure["pin"]
+        .sum(axis=1)
     ),
     "efficiency": lambda model: (
-        rverror.efficiency(model, THETA, torque=20e3, friction=rverror.Friction(pin=0.1, mesh=0.1)).error_change
+        rverror.statics.efficiency(
+            model, THETA, torque=20e3, friction=rverror.geartrain.Friction(pin=0.1, mesh=0.1)
+        ).error_change
     ),
     "duty_efficiency": lambda model: (
-        rverror.duty_efficiency(
-            model, THETA, duty=rverror.DutyPhase(torque=20e3, speed=1.0), friction=rverror.Friction(pin=0.1, mesh=0.1)
+        rverror.statics.duty_efficiency(
+            model,
+            THETA,
+            duty=rverror.statics.DutyPhase(torque=20e3, speed=1.0),
+            friction=rverror.geartrain.Friction(pin=0.1, mesh=0.1),
         )
         .phases[0]
         .error_change
     ),
     "hysteresis": lambda model: (
-        rverror.hysteresis(model, THETA, torques=[-20e3, 20e3], friction=rverror.Friction(pin=0.1)).rising
+        rverror.statics.hysteresis(
+            model, THETA, torques=[-20e3, 20e3], friction=rverror.geartrain.Friction(pin=0.1)
+        ).rising
     ),
     "lost_motion": waveform(rverror.lost_motion),
-    "backlash": waveform(rverror.backlash),
-    "torsion_curve": lambda model: rverror.torsion_curve(model, THETA, torques=[-20e3, 20e3]).angle,
-    "torsional_stiffness": waveform(rverror.torsional_stiffness),
+    "backlash": waveform(rverror.statics.backlash),
+    "torsion_curve": lambda model: rverror.statics.torsion_curve(model, THETA, torques=[-20e3, 20e3]).angle,
+    "torsional_stiffness": waveform(rverror.statics.torsional_stiffness),
     "simulate": lambda model: of_runs((rverror.simulate(model, points=N, method="equilibrium", torque=20e3),)),
-    "simulate_runs": lambda model: of_runs(rverror.simulate_runs(model, points=N)),
+    "simulate_runs": lambda model: of_runs(rverror.runs.simulate_runs(model, points=N)),
     "stack": rolled_stack,
     "speed_response": at_speed,
     "run_up": in_time,
@@ -131,9 +146,11 @@ def test_the_gear_train_stands_at_its_marks(name: str) -> None:
 
 
 def test_modes_are_those_of_the_gear_train_at_its_marks() -> None:
-    at_zero, ahead = (rverror.modes(ON_MARKS, theta=angle, torque=20e3).frequency for angle in (0.0, AHEAD))
+    at_zero, ahead = (rverror.dynamics.modes(ON_MARKS, theta=angle, torque=20e3).frequency for angle in (0.0, AHEAD))
     assert np.abs(ahead / at_zero - 1).max() > 1e-3
-    np.testing.assert_allclose(rverror.modes(AHEAD_OF_ZERO, theta=0.0, torque=20e3).frequency, ahead, rtol=1e-6)
+    np.testing.assert_allclose(
+        rverror.dynamics.modes(AHEAD_OF_ZERO, theta=0.0, torque=20e3).frequency, ahead, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("name", ["lost_motion", "backlash", "torsion_curve", "torsional_stiffness", "hysteresis"])

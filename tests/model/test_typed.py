@@ -25,7 +25,7 @@ TORQUE_WORDS = ["78 Nm", "78 N*m", "78 N·m", "78 N⋅m", "78 N m", "78Nm", "0.0
 
 @pytest.mark.parametrize("written", TORQUE_WORDS, ids=str)
 def test_newton_metres_in_every_spelling(written: object) -> None:
-    assert rverror.to_core(written, "torque") == pytest.approx(78e3, rel=1e-14)
+    assert rverror.base.to_core(written, "torque") == pytest.approx(78e3, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -49,21 +49,21 @@ def test_torque_in_newton_metres_wherever_a_torque_is_given() -> None:
     reducer, theta = rverror.reducer("RV-40E", rated_torque="412 Nm"), [0.1]
     assert reducer.rated_torque == 412e3
     model = rverror.Model(reducer, (rverror.effect("load.torsion", compliance="2 arcsec/Nm"),))
-    friction = rverror.Friction(pin=0.1)
+    friction = rverror.geartrain.Friction(pin=0.1)
     widths = {"disc_width": "9 mm", "gear_width": "8 mm"}
     tolerances, row = [rverror.tolerance("crank.eccentricity", "5 um")], np.linspace(0, 1, 32)
     for ask in (
         lambda t: model.transmission_error(theta, torque=t),
         lambda t: rverror.equilibrium(model, theta, torque=t).transmission_error,
-        lambda t: rverror.linearise(model, theta, torque=t).forces["pin"],
+        lambda t: rverror.statics.linearise(model, theta, torque=t).forces["pin"],
         lambda t: rverror.influence(reducer, theta, "load.torsion", torque=t).matrix,
-        lambda t: rverror.torsion_curve(model, theta, torques=[t]).angle,
-        lambda t: rverror.efficiency(model, theta, torque=t, friction=friction).losses["pin"],
-        lambda t: rverror.hysteresis(model, theta, torques=[t], friction=friction).rising,
-        lambda t: rverror.contact_pressure(model, theta, torque=t, **widths).pressure["pin"],
-        lambda t: rverror.modes(model, torque=t).frequency,
+        lambda t: rverror.statics.torsion_curve(model, theta, torques=[t]).angle,
+        lambda t: rverror.statics.efficiency(model, theta, torque=t, friction=friction).losses["pin"],
+        lambda t: rverror.statics.hysteresis(model, theta, torques=[t], friction=friction).rising,
+        lambda t: rverror.statics.contact_pressure(model, theta, torque=t, **widths).pressure["pin"],
+        lambda t: rverror.dynamics.modes(model, torque=t).frequency,
         lambda t: rverror.simulate(model, points=16, torque=t).output_angle,
-        lambda t: rverror.stack(model, tolerances, theta, torque=t).nominal,
+        lambda t: rverror.tolerances.stack(model, tolerances, theta, torque=t).nominal,
         lambda t: rverror.run_from_arrays(input_angle=121 * row, output_angle=row, torque=t).torque,
     ):
         np.testing.assert_array_equal(ask("20 Nm"), ask(20e3))
@@ -76,24 +76,24 @@ def test_an_angle_in_every_form(theta: object) -> None:
     np.testing.assert_allclose(rverror.transmission_error(MODEL, theta), MODEL.transmission_error(row), **expected)
     one, other = (rverror.influence(UNIT, at, "cycloid.pin_position", pin=3).matrix for at in (theta, row))
     np.testing.assert_allclose(one, other, **expected)
-    one, other = (rverror.transmission_error_by_effect(MODEL, at) for at in (theta, row))
+    one, other = (rverror.model.transmission_error_by_effect(MODEL, at) for at in (theta, row))
     np.testing.assert_allclose(one, other, **expected)
 
 
 @pytest.mark.parametrize("theta", ANGLES[:1] + ANGLES[-2:-1], ids=repr)
 def test_an_angle_in_every_form_in_the_statics(theta: object) -> None:
-    row, friction = np.array([math.pi / 6]), rverror.Friction(pin=0.1)
+    row, friction = np.array([math.pi / 6]), rverror.geartrain.Friction(pin=0.1)
     for ask in (
         lambda at: rverror.equilibrium(MODEL, at, torque="20 Nm").transmission_error,
         lambda at: MODEL.equilibrium("20 Nm", at).transmission_error,
-        lambda at: rverror.linearise(MODEL, at, torque="20 Nm").forces["pin"],
-        lambda at: rverror.backlash(MODEL, at),
+        lambda at: rverror.statics.linearise(MODEL, at, torque="20 Nm").forces["pin"],
+        lambda at: rverror.statics.backlash(MODEL, at),
         lambda at: rverror.lost_motion(MODEL, at),
-        lambda at: rverror.torsional_stiffness(MODEL, at),
-        lambda at: rverror.torsion_curve(MODEL, at, torques=["20 Nm"]).angle,
-        lambda at: rverror.efficiency(MODEL, at, torque="20 Nm", friction=friction).losses["pin"],
-        lambda at: rverror.hysteresis(MODEL, at, torques=["20 Nm"], friction=friction).rising,
-        lambda at: rverror.stack(MODEL, [rverror.tolerance("crank.eccentricity", "5 um")], at).nominal,
+        lambda at: rverror.statics.torsional_stiffness(MODEL, at),
+        lambda at: rverror.statics.torsion_curve(MODEL, at, torques=["20 Nm"]).angle,
+        lambda at: rverror.statics.efficiency(MODEL, at, torque="20 Nm", friction=friction).losses["pin"],
+        lambda at: rverror.statics.hysteresis(MODEL, at, torques=["20 Nm"], friction=friction).rising,
+        lambda at: rverror.tolerances.stack(MODEL, [rverror.tolerance("crank.eccentricity", "5 um")], at).nominal,
     ):
         np.testing.assert_allclose(ask(theta), ask(row), rtol=1e-9, atol=1e-15)
 

@@ -43,7 +43,7 @@ datum = "given"
 """
 
 
-def read(folder: Path, mapping: str, lines: str, name: str = "parts.csv") -> rverror.PartsRead:
+def read(folder: Path, mapping: str, lines: str, name: str = "parts.csv") -> rverror.parts.PartsRead:
     (folder / "mapping.toml").write_text(mapping, encoding="utf-8")
     (folder / name).write_text(lines, encoding="cp1252" if "cp1252" in mapping else "utf-8")
     return rverror.load_parts(folder / name, UNIT, mapping=folder / "mapping.toml")
@@ -78,22 +78,24 @@ def test_a_spreadsheet_says_the_same(tmp_path: Path) -> None:
 
 def test_several_files_of_one_part_are_joined_and_read_back_exactly(tmp_path: Path) -> None:
     bores = read(tmp_path, DISCS, "\n".join([HEADS, *ROWS])).parts
-    rverror.save_parts(tmp_path / "one.csv", bores)
+    rverror.parts.save_parts(tmp_path / "one.csv", bores)
     more = [
-        rverror.MeasuredPart(
+        rverror.parts.MeasuredPart(
             "disc", "D18", (rverror.effect("cycloid.disc_lobe", lobe=3, deviation=-np.pi / 1000, uncertainty=1e-7 / 3),)
         ),
-        rverror.MeasuredPart("crank", "C, 1", (rverror.effect("crank.index", angle=1e-4 / 3),), "a; b.csv"),
-        rverror.MeasuredPart("housing", "H1", (rverror.effect("cycloid.pin_radius", pin="all", deviation="1 um"),)),
-        rverror.MeasuredPart("sun", "S1", ()),
+        rverror.parts.MeasuredPart("crank", "C, 1", (rverror.effect("crank.index", angle=1e-4 / 3),), "a; b.csv"),
+        rverror.parts.MeasuredPart(
+            "housing", "H1", (rverror.effect("cycloid.pin_radius", pin="all", deviation="1 um"),)
+        ),
+        rverror.parts.MeasuredPart("sun", "S1", ()),
     ]
-    rverror.save_parts(tmp_path / "two.csv", more)
-    assert rverror.load_parts(tmp_path / "two.csv", UNIT) == rverror.PartsRead(tuple(more))
+    rverror.parts.save_parts(tmp_path / "two.csv", more)
+    assert rverror.load_parts(tmp_path / "two.csv", UNIT) == rverror.parts.PartsRead(tuple(more))
     both = rverror.load_parts([tmp_path / "one.csv", tmp_path / "two.csv"], UNIT).parts
     assert both[1].errors == (*bores[1].errors, *more[0].errors)
     assert both[2:] == (bores[2], *more[1:])
     with pytest.raises(InputError, match="exists"):
-        rverror.save_parts(tmp_path / "two.csv", more)
+        rverror.parts.save_parts(tmp_path / "two.csv", more)
 
 
 COMMON = """K0100 2
@@ -297,7 +299,7 @@ def test_a_wrong_q_das_file_is_one_line(tmp_path: Path, text: str, told: str) ->
 )  # fmt: skip
 def test_a_changed_table_of_parts_is_one_line(tmp_path: Path, old: str, new: str, told: str) -> None:
     crank = rverror.effect("crank.eccentricity", disc=1, radial=0.002, uncertainty=0.001)
-    rverror.save_parts(tmp_path / "good.csv", [rverror.MeasuredPart("crank", "C1", (crank,))])
+    rverror.parts.save_parts(tmp_path / "good.csv", [rverror.parts.MeasuredPart("crank", "C1", (crank,))])
     (tmp_path / "bad.csv").write_text((tmp_path / "good.csv").read_text().replace(old, new))
     with pytest.raises(InputError, match=told) as caught:
         rverror.load_parts(tmp_path / "bad.csv", UNIT)

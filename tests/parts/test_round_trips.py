@@ -22,7 +22,7 @@ from benchmarks import parts_trial as trial
 UNIT, UM = trial.UNIT, trial.UM
 
 
-def read(folder: Path, mapping: str, lines: str) -> rverror.PartsRead:
+def read(folder: Path, mapping: str, lines: str) -> rverror.parts.PartsRead:
     (folder / "mapping.toml").write_text(mapping, encoding="utf-8")
     (folder / "part.csv").write_text(lines, encoding="utf-8")
     return rverror.load_parts(folder / "part.csv", UNIT, mapping=folder / "mapping.toml")
@@ -51,7 +51,7 @@ def test_a_scan_without_noise_has_hardly_an_error(tmp_path: Path) -> None:
     truth, lines = trial.lobe_scan(np.random.default_rng(7), points=24, noise=0.0)
     (part,) = read(tmp_path, trial.LOBES, lines).parts
     for error in part.errors:
-        assert error.values == pytest.approx(truth[rverror.describe(error.key, error.indices)], abs=0.03 * UM)
+        assert error.values == pytest.approx(truth[rverror.base.describe(error.key, error.indices)], abs=0.03 * UM)
 
 
 @pytest.mark.parametrize("place", [0, 1])
@@ -105,7 +105,7 @@ def test_a_disc_that_is_made_for_another_place(tmp_path: Path) -> None:
     with pytest.raises(rverror.InputError, match="place = 2: a unit has discs 0 to 1"):
         read(tmp_path, trial.LOBES + "place = 2\n", lines)
     (disc,) = read(tmp_path, trial.LOBES, lines).parts
-    rverror.save_parts(tmp_path / "parts.csv", [disc])
+    rverror.parts.save_parts(tmp_path / "parts.csv", [disc])
     assert disc.made_for == 1
     assert rverror.load_parts(tmp_path / "parts.csv", UNIT).parts == (disc,)
 
@@ -165,7 +165,7 @@ def test_waves_of_a_ring_are_its_single_pins(tmp_path: Path) -> None:
     curves = []
     for more in ("", "harmonics = 5"):
         read_parts = read(tmp_path, mapping + more, lines)
-        unit = rverror.unit_of_parts(rverror.Model(UNIT), read_parts.parts)
+        unit = rverror.parts.unit_of_parts(rverror.Model(UNIT), read_parts.parts)
         curves.append(rverror.transmission_error(unit, np.linspace(0, 1, 400)))
     assert np.ptp(curves[0]) > 3 * rverror.ARCSEC
     assert curves[1] == pytest.approx(curves[0], abs=1e-5 * rverror.ARCSEC)

@@ -19,18 +19,20 @@ from benchmarks import parts_trial as trial
 UNIT = trial.UNIT
 
 
-def disc(serial: str, size: str) -> rverror.MeasuredPart:
+def disc(serial: str, size: str) -> rverror.parts.MeasuredPart:
     wave = rverror.effect("cycloid.disc_profile", harmonic=2, cos=size, uncertainty="0.5 um")
-    return rverror.MeasuredPart("disc", serial, (wave,), "discs.csv")
+    return rverror.parts.MeasuredPart("disc", serial, (wave,), "discs.csv")
 
 
 DISCS = [disc("D17", "3 um"), disc("D18", "-2 um")]
-HOUSING = rverror.MeasuredPart("housing", "H1", (rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos="4 um"),))
+HOUSING = rverror.parts.MeasuredPart(
+    "housing", "H1", (rverror.effect("cycloid.pin_circle", harmonic=2, radial_cos="4 um"),)
+)
 
 
 def test_parts_stand_at_their_places() -> None:
     bare = rverror.Model(UNIT, (rverror.effect("crank.index", crank=0, angle="10 arcsec"),))
-    unit = rverror.unit_of_parts(bare, [*DISCS, HOUSING], {"disc": ["D18", "D17"]})
+    unit = rverror.parts.unit_of_parts(bare, [*DISCS, HOUSING], {"disc": ["D18", "D17"]})
     first, second, ring = unit.effects[1:]
     assert unit.effects[0] == bare.effects[0]
     assert [(e.indices["disc"], e.values[0], e.uncertainty) for e in (first, second)] == [
@@ -38,15 +40,15 @@ def test_parts_stand_at_their_places() -> None:
         (1, 3e-3, 5e-4),
     ]
     assert (first.origin, ring.origin, ring.uncertainty) == ("disc D18, discs.csv", "housing H1", None)
-    assert rverror.unit_of_parts(bare, DISCS).effects[1].values == (3e-3, 0.0)
+    assert rverror.parts.unit_of_parts(bare, DISCS).effects[1].values == (3e-3, 0.0)
 
 
 def test_a_disc_at_the_other_place_is_turned_until_its_lobes_stand_right() -> None:
     """39 lobes are odd: half a turn takes crests to roots' places, so waves of odd harmonics change their sign."""
     bore = rverror.effect("cycloid.disc_bore_position", crank=0, radial="2 um")
     wave = rverror.effect("cycloid.disc_pitch", harmonic=1, cos="3 um", uncertainty="0.1 um")
-    alike = [rverror.MeasuredPart("disc", name, (bore, wave)) for name in ("A", "B")]
-    unit = rverror.unit_of_parts(rverror.Model(rverror.reducer("RV-40E")), alike)
+    alike = [rverror.parts.MeasuredPart("disc", name, (bore, wave)) for name in ("A", "B")]
+    unit = rverror.parts.unit_of_parts(rverror.Model(rverror.reducer("RV-40E")), alike)
     told = [(e.key, dict(e.indices), round(e.values[0], 12), e.uncertainty) for e in unit.effects]
     assert told == [
         ("cycloid.disc_bore_position", {"disc": 0, "crank": 0}, 2e-3, None),
@@ -56,7 +58,7 @@ def test_a_disc_at_the_other_place_is_turned_until_its_lobes_stand_right() -> No
     ]
     three = rverror.reducer("RV-40E", cranks=3, planet_teeth=27)
     with pytest.raises(InputError, match="disc B: its lobes stand as those of disc 0, and do not fit at place 1"):
-        rverror.unit_of_parts(rverror.Model(three), alike)
+        rverror.parts.unit_of_parts(rverror.Model(three), alike)
 
 
 @pytest.mark.parametrize(
@@ -71,9 +73,11 @@ def test_a_disc_at_the_other_place_is_turned_until_its_lobes_stand_right() -> No
         (DISCS[:1], None, "1 parts of kind disc for 2"),
     ],
 )
-def test_places_that_cannot_be_told(parts: list[rverror.MeasuredPart], places: dict[str, list[str]], told: str) -> None:
+def test_places_that_cannot_be_told(
+    parts: list[rverror.parts.MeasuredPart], places: dict[str, list[str]], told: str
+) -> None:
     with pytest.raises(InputError, match=told):
-        rverror.unit_of_parts(rverror.Model(UNIT), parts, places)
+        rverror.parts.unit_of_parts(rverror.Model(UNIT), parts, places)
 
 
 def test_an_error_that_the_model_declares_is_not_counted_twice() -> None:
@@ -81,14 +85,14 @@ def test_an_error_that_the_model_declares_is_not_counted_twice() -> None:
     with pytest.raises(
         InputError, match=r"disc_profile \(disc 1, harmonic 2\): it is measured, and the model declares it"
     ):
-        rverror.unit_of_parts(rverror.Model(UNIT, (declared,)), DISCS)
+        rverror.parts.unit_of_parts(rverror.Model(UNIT, (declared,)), DISCS)
 
 
 def test_the_interval_of_the_error_is_that_of_units_within_the_uncertainty() -> None:
     """Against units whose sizes are drawn and solved one by one."""
-    unit = rverror.unit_of_parts(rverror.Model(UNIT), [*DISCS, HOUSING])
+    unit = rverror.parts.unit_of_parts(rverror.Model(UNIT), [*DISCS, HOUSING])
     theta = np.linspace(0, 2 * np.pi / 20, 300)
-    found = rverror.unit_error(unit, theta)
+    found = rverror.parts.unit_error(unit, theta)
     rng = np.random.default_rng(8)
     drawn = []
     for _ in range(400):
@@ -105,7 +109,7 @@ def test_the_interval_of_the_error_is_that_of_units_within_the_uncertainty() -> 
     assert found.transmission_error == pytest.approx(rverror.transmission_error(unit, theta))
     assert found.interval == pytest.approx(tuple(np.quantile(np.ptp(drawn, axis=1), (0.025, 0.975))), rel=0.1)
     assert found.peak_to_peak == np.ptp(found.transmission_error)
-    exact = rverror.unit_error(rverror.Model(UNIT, HOUSING.errors), theta)
+    exact = rverror.parts.unit_error(rverror.Model(UNIT, HOUSING.errors), theta)
     assert exact.interval == (exact.peak_to_peak, exact.peak_to_peak)
 
 
@@ -122,7 +126,7 @@ def test_diagnosis_names_what_assembly_added(tmp_path: Path) -> None:
             real.append(rverror.effect("crank.eccentricity", crank=crank, disc=k, radial=radial, tangential=tangential))
     files = [tmp_path / f"C{crank}.csv" for crank in range(UNIT.cranks)]
     cranks = rverror.load_parts(files, UNIT, mapping=tmp_path / "cams.toml").parts
-    unit = rverror.unit_of_parts(rverror.Model(UNIT), cranks)
+    unit = rverror.parts.unit_of_parts(rverror.Model(UNIT), cranks)
     real.append(rverror.effect("sensor.encoder_eccentricity", cos="8 arcsec", sin="3 arcsec"))
     runs = [
         rverror.simulate(

@@ -10,7 +10,8 @@ import pytest
 
 from oracle import REALISTIC, Errors, Oracle
 from pages import DOCS
-from rverror import Model, modes
+from rverror import Model
+from rverror.dynamics import modes
 from rverror.geartrain.mechanism import reducer
 
 PAGE = DOCS / "published.md"

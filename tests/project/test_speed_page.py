@@ -12,7 +12,8 @@ import speed_page
 
 import rverror
 from pages import DOCS, text
-from rverror import Bench, modes
+from rverror.dynamics import modes
+from rverror.model import Bench
 
 PAGE = DOCS / "theory" / "error-at-speed.md"
 RPM = math.pi / 30
@@ -61,7 +62,7 @@ def test_the_code_on_the_page_is_its_example() -> None:
 
 
 def test_orders_and_what_they_drive() -> None:
-    orders = rverror.fundamental_orders(speed_page.MODEL.mechanism)
+    orders = rverror.geartrain.fundamental_orders(speed_page.MODEL.mechanism)
     found = {
         int(k): float(f)
         for row in table("order")[:5]
@@ -142,7 +143,7 @@ def test_the_measured_frequency_is_that_of_a_load_on_the_measured_windup() -> No
 def test_the_guesses_matter_little_once_the_windup_is_the_measured_one() -> None:
     """Two cranks and thin pins in place of three and thick ones: the same load to a few per cent."""
     other = replace(speed_page.unit_81(), cranks=2, pin_radius=4.0)
-    stiffness = np.mean(rverror.torsional_stiffness(rverror.Model(other), np.linspace(0, 0.1, 9)))
+    stiffness = np.mean(rverror.statics.torsional_stiffness(rverror.Model(other), np.linspace(0, 0.1, 9)))
     scale = speed_page.MEASURED_STIFFNESS / (stiffness * math.radians(1 / 60) / 1e3)
     scaled = replace(speed_page.unit_81(scale), cranks=2, pin_radius=4.0)
     inertia = speed_page.load_81(51.5)

@@ -18,10 +18,10 @@ EFFECT = rverror.effect("crank.index", crank=0, angle="1 mrad")
 MODEL = rverror.Model(UNIT, (EFFECT,))
 THETA = np.linspace(0, 1, 16)
 RUN = rverror.run_from_arrays(input_angle=121 * THETA, output_angle=THETA, torque="20 N*m")
-CAMS = [rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(12.0, 0.005))]
-STACK = rverror.stack(MODEL, CAMS, THETA)
-FRICTION = rverror.Friction(pin=0.1)
-ORDERS = rverror.orders_from_arrays(direction=["forward"], order=[40.0], amplitude=[1e-5], phase=[0.0])
+CAMS = [rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.tolerances.cost.Reciprocal(12.0, 0.005))]
+STACK = rverror.tolerances.stack(MODEL, CAMS, THETA)
+FRICTION = rverror.geartrain.Friction(pin=0.1)
+ORDERS = rverror.runs.orders_from_arrays(direction=["forward"], order=[40.0], amplitude=[1e-5], phase=[0.0])
 FILE = "there-is-no-such-file.csv"
 
 #: A call that each function understands, but for what is not there yet.
@@ -39,7 +39,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "effect": (("crank.index",), {"crank": 0, "angle": "1 mrad"}),
     "duty_efficiency": (
         (MODEL, THETA),
-        {"duty": rverror.DutyPhase(torque=20e3, speed=100.0), "friction": FRICTION, "method": "closed"},
+        {"duty": rverror.statics.DutyPhase(torque=20e3, speed=100.0), "friction": FRICTION, "method": "closed"},
     ),
     "efficiency": ((MODEL, THETA), {"torque": 20e3, "friction": FRICTION}),
     "equilibrium": ((MODEL, THETA), {"torque": 20e3}),
@@ -47,7 +47,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "fit_running_in": (
         (MODEL, [0, 1], [0, 1e-6]),
         {
-            "coefficients": rverror.WearCoefficients(disc=1e-13),
+            "coefficients": rverror.statics.WearCoefficients(disc=1e-13),
             "running_in": {},
             "free": ["lasting"],
             "torque": 20e3,
@@ -92,7 +92,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
             "torque": 20e3,
             "speed": 100.0,
             "hours": [0, 1],
-            "coefficients": rverror.WearCoefficients(disc=1e-13),
+            "coefficients": rverror.statics.WearCoefficients(disc=1e-13),
             "disc_width": 9.0,
             "gear_width": 8.0,
             "direction": 1.0,
@@ -194,8 +194,8 @@ def test_what_is_mistaken_is_told(name: str, tmp_path: Path, monkeypatch: pytest
         (lambda: rverror.error_budget(MODEL, "tolerances.toml"), r"give load_tolerances\(path\)"),
         (lambda: rverror.diagnose(MODEL, RUN), "give a list of runs"),
         (lambda: rverror.diagnose([RUN], MODEL), "model is a list"),
-        (lambda: rverror.virtual_units(STACK, THETA, torque=20e3), "beside a stack"),
-        (lambda: rverror.virtual_units(None, count=3), "model"),
+        (lambda: rverror.tolerances.virtual_units(STACK, THETA, torque=20e3), "beside a stack"),
+        (lambda: rverror.tolerances.virtual_units(None, count=3), "model"),
         (lambda: rverror.allocate(MODEL, "tolerances.toml", limit=1e-4), r"give load_tolerances\(path\)"),
     ],
 )

@@ -12,11 +12,12 @@ import pytest
 
 from reference_cases import CASES, TURN, command, solved_cases, wave, write
 from remedy import REMEDY
-from rverror import load_run, run_from_arrays, to_html, to_json, to_text, write_run
+from rverror import load_run, run_from_arrays, to_html, to_json, to_text
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.reference.cases import StoredCase, case_files, read_case
 from rverror.reference.comparison import compare, comparison_json, comparison_text
+from rverror.runs import write_run
 
 N = 4096
 

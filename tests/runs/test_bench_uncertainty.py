@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from rverror import ARCSEC, bench_uncertainty
+from rverror import ARCSEC
+from rverror.runs import bench_uncertainty
 
 R = 121
 

@@ -11,7 +11,7 @@ import rverror
 from rverror.app.command_line import main
 
 MODEL = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect("cycloid.pin_position", pin=3, radial="5 um"),))
-ARM = rverror.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
+ARM = rverror.geartrain.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
 THETA = 2 * np.pi * np.arange(600) / 600
 
 
@@ -23,7 +23,7 @@ def run_of(torque: object, direction: float = 1.0) -> rverror.Run:
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_an_arm_writes_its_weight_and_the_run_hands_it_on(direction: float, tmp_path: Path) -> None:
     run = rverror.simulate(MODEL, points=512, torque=ARM, method="equilibrium", direction=direction)
-    rverror.write_run(tmp_path / "run.csv", run)
+    rverror.runs.write_run(tmp_path / "run.csv", run)
     read = rverror.load_run(tmp_path / "run.csv")
     assert isinstance(read, rverror.Run)
     assert read.torque is None
@@ -83,7 +83,7 @@ def test_a_torque_makes_no_error_of_one_angle() -> None:
 
 def test_a_table_of_orders_has_one_torque() -> None:
     with pytest.raises(rverror.InputError, match="changes over the turn"):
-        rverror.order_table_from_runs([run_of(ARM(THETA))], MODEL, [40])
+        rverror.runs.order_table_from_runs([run_of(ARM(THETA))], MODEL, [40])
 
 
 def test_the_command_writes_the_column(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

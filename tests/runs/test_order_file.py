@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from recordings import recording
 from remedy import REMEDY
-from rverror import OrderTable, load_orders, load_run, orders_from_arrays, write_orders
+from rverror import load_run
 from rverror.base.errors import InputError
+from rverror.runs import OrderTable, load_orders, orders_from_arrays, write_orders
 from rverror.runs.measurement import read_run
 from rverror.runs.order_file import is_order_file, orders_text
 from rverror.runs.order_table import OrderCase, TableCondition
@@ -387,7 +387,7 @@ def test_load_run_reads_a_table_where_the_header_says_so(tmp_path: Path) -> None
     found = load_run(path)
     assert isinstance(found, OrderTable)
     same_waves(found, load_orders(path), rtol=0)
-    assert isinstance(load_run(path, mapping=rverror.load_mapping(mapping(tmp_path))), OrderTable)
+    assert isinstance(load_run(path, mapping=rverror.runs.load_mapping(mapping(tmp_path))), OrderTable)
     for given_mapping in (None, mapping(tmp_path)):
         with pytest.raises(InputError, match=r"orders\.csv: an order table holds no samples, .* give a run file here"):
             read_run(path, mapping=given_mapping)

@@ -9,26 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.signal import lfilter
 
 from recordings import recording
 from remedy import REMEDY
-from rverror import (
-    Drive,
-    InputError,
-    Model,
-    Run,
-    effect,
-    load_model,
-    load_run,
-    order_table_from_runs,
-    reducer,
-    run_from_arrays,
-    simulate_runs,
-)
+from rverror import Drive, InputError, Model, Run, effect, load_model, load_run, reducer, run_from_arrays
 from rverror.base.units import ARCSEC
+from rverror.runs import order_table_from_runs, simulate_runs
 from rverror.runs.order_file import load_orders, write_orders
 
 RATIO = 81.0

@@ -17,7 +17,6 @@ from rverror import (
     Drive,
     InputError,
     Model,
-    Stiffness,
     diagnose,
     effect,
     equilibrium,
@@ -26,11 +25,12 @@ from rverror import (
     save_model,
     simulate,
     transmission_error,
-    write_run,
 )
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
+from rverror.geartrain import Stiffness
 from rverror.geartrain.kinematics import samples_needed
+from rverror.runs import write_run
 from rverror.runs.virtual_bench import coloured_noise, quantised, run_label, simulate_runs
 
 RV40E = reducer("RV-40E")
@@ -605,7 +605,7 @@ def test_a_reading_of_ones_own_is_simulated_on_a_reducer() -> None:
     """It adds what it says to the output, whether or not it could act in a drive too."""
     encoder = rverror.CATALOGUE["sensor.encoder_eccentricity"]
     own = replace(encoder, key="sensor.tape_joint", in_drives=False)
-    with rverror.extended(own):
+    with rverror.model.extended(own):
         unit = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect(own.key, cos="9 arcsec"),))
         error = rverror.simulate(unit, points=64, revolutions=2).error(unit)
     expected = 9 * np.pi / 648000 * np.cos(2 * np.pi * np.arange(128) / 64)

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror.geartrain.mechanism import Stiffness
@@ -127,7 +126,7 @@ def test_forces_give_the_derivative_at_a_finite_clearance(key: str) -> None:
         model = rverror.Model(UNIT, (*errors, effect_of(key, change)))
         return rverror.equilibrium(model, theta, torque=412e3, direction=1).transmission_error
 
-    loaded = rverror.linearise(rverror.Model(UNIT, errors), theta, torque=412e3, direction=1)
+    loaded = rverror.statics.linearise(rverror.Model(UNIT, errors), theta, torque=412e3, direction=1)
     found = source_matrix(loaded.motion, loaded.forces, key, {})[0]
     step = 1e-6
     difference = (output(2 * step) - output(step)) / step
@@ -162,8 +161,8 @@ def test_journals_that_float_beside_open_flanks_come_to_rest(place: int) -> None
     """Nothing holds the cranks there: a whole Newton step led 1e10 mm away, and its halvings never back."""
     model = rverror.Model(UNIT, (effect_of("coupling.bearing_clearance", 2e-3), WAVE_OF_THREE))
     theta = np.array([2 * np.pi * place / 4095])
-    found = rverror.backlash(model, theta)
-    assert found > rverror.backlash(rverror.Model(UNIT, (WAVE_OF_THREE,)), theta)
+    found = rverror.statics.backlash(model, theta)
+    assert found > rverror.statics.backlash(rverror.Model(UNIT, (WAVE_OF_THREE,)), theta)
     # the play ends where a small load begins to wind up
     assert found == pytest.approx(rverror.lost_motion(model, theta, percent=1e-4), abs=0.02 * ARCSEC)
 
@@ -204,7 +203,7 @@ def test_backlash_of_ordinary_units_is_found(
     ]
     model = rverror.Model(rverror.reducer(preset, cranks=cranks, rated_torque="412 N*m"), tuple(sized))
     theta = first + 0.01 * np.arange(3)
-    free = rverror.backlash(model, theta)
+    free = rverror.statics.backlash(model, theta)
     assert (free >= 0).all()
     assert (free <= rverror.lost_motion(model, theta, percent=3)).all()
 
@@ -212,7 +211,7 @@ def test_backlash_of_ordinary_units_is_found(
 def test_what_is_wedged_has_no_play_and_none_below_it() -> None:
     """Pins on a circle that is shifted press a disc from two sides: nothing moves under a vanishing torque."""
     shifted = rverror.effect("cycloid.pin_circle", harmonic=1, radial_cos="3 um")
-    free = rverror.backlash(rverror.Model(UNIT, (shifted,)), 1.0 + 0.01 * np.arange(3))
+    free = rverror.statics.backlash(rverror.Model(UNIT, (shifted,)), 1.0 + 0.01 * np.arange(3))
     assert free[0] > 1e-6
     assert not np.signbit(free).any()
     np.testing.assert_array_equal(free[1:], 0.0)
@@ -222,7 +221,7 @@ def test_advice_fits_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit in ("_MAX_STEPS", "_MAX_STEPS_NEAR", "_MAX_STEPS_UNLOADING"):
         monkeypatch.setattr(energy, limit, 0)
     model = rverror.Model(UNIT, (effect_of("crank.bearing_clearance"),))
-    with pytest.raises(rverror.NotConvergedError, match=r"far above 0\.1 mm$"):
-        rverror.backlash(model, [0.0])
-    with pytest.raises(rverror.NotConvergedError, match="or take a greater load"):
+    with pytest.raises(rverror.statics.NotConvergedError, match=r"far above 0\.1 mm$"):
+        rverror.statics.backlash(model, [0.0])
+    with pytest.raises(rverror.statics.NotConvergedError, match="or take a greater load"):
         rverror.lost_motion(model, [0.0])

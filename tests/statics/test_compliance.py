@@ -117,7 +117,7 @@ def test_without_a_torque_it_is_asked_for() -> None:
 def test_influences_about_a_loaded_state_need_no_other_torque() -> None:
     unit = rverror.reducer("RV-40E")
     model = Model(unit, (*PARTS, *SOFT))
-    loaded = rverror.linearise(model, THETA, torque=50e3, direction=1)
+    loaded = rverror.statics.linearise(model, THETA, torque=50e3, direction=1)
     rows = predict(model, Conditions(THETA, 1.0, 50e3)).matrix
     at = sum(len(e.values) for e in PARTS)
     for one in SOFT:

@@ -25,9 +25,9 @@ MODEL = rverror.Model(
 )
 PREDICTIONS: dict[str, Callable[..., Any]] = {
     "transmission_error": rverror.transmission_error,
-    "by effect": rverror.transmission_error_by_effect,
+    "by effect": rverror.model.transmission_error_by_effect,
     "equilibrium": lambda *given, **keywords: rverror.equilibrium(*given, **keywords).transmission_error,
-    "linearise": lambda *given, **keywords: rverror.linearise(*given, **keywords).forces["mesh"],
+    "linearise": lambda *given, **keywords: rverror.statics.linearise(*given, **keywords).forces["mesh"],
     "influence": lambda model, *given, **keywords: (
         rverror.influence(model.mechanism, *given, "sensor.time_offset", **keywords).matrix
     ),

@@ -11,7 +11,9 @@ import pytest
 
 import rverror
 from pages import DOCS, text
-from rverror import DutyPhase, Friction, Lubricant, Model, duty_efficiency
+from rverror import Model
+from rverror.geartrain import Friction
+from rverror.statics import DutyPhase, Lubricant, duty_efficiency
 
 UNIT = rverror.reducer("RV-40E")
 NEW = Model(UNIT)
@@ -23,7 +25,7 @@ OIL = Lubricant(viscosity_40="150 cSt", viscosity_100="15 cSt", temperature="20 
 WATT = 1e3  # N mm/s
 
 
-def over(duty: Any, friction: Friction = RUBS, **more: Any) -> rverror.DutyEfficiency:
+def over(duty: Any, friction: Friction = RUBS, **more: Any) -> rverror.statics.DutyEfficiency:
     return duty_efficiency(NEW, THETA, duty=duty, friction=friction, direction=1.0, **more)
 
 
@@ -33,7 +35,7 @@ def test_energy_of_a_cycle_is_that_of_its_phases(drives: str) -> None:
     found = over(CYCLE, drives=drives)
     out = into = 0.0
     for one in CYCLE:
-        alone = rverror.efficiency(NEW, THETA, torque=one.torque, friction=RUBS, direction=1.0, drives=drives)
+        alone = rverror.statics.efficiency(NEW, THETA, torque=one.torque, friction=RUBS, direction=1.0, drives=drives)
         at_output, at_input = one.torque * one.speed / 121, alone.input_torque.mean() * one.speed
         out += one.hours * (at_output if drives == "input" else at_input)
         into += one.hours * (at_input if drives == "input" else at_output)
@@ -44,7 +46,7 @@ def test_energy_of_a_cycle_is_that_of_its_phases(drives: str) -> None:
 
 def test_one_phase_is_the_efficiency_and_two_halves_are_one() -> None:
     one, halves = over(CYCLE[0]), over([CYCLE[0]] * 2)
-    alone = rverror.efficiency(NEW, THETA, torque=412e3, friction=RUBS, direction=1.0)
+    alone = rverror.statics.efficiency(NEW, THETA, torque=412e3, friction=RUBS, direction=1.0)
     assert one.mean == halves.mean == pytest.approx(alone.mean, rel=1e-14)
     assert one.losses == pytest.approx(halves.losses)
     assert one.housing == one.inside == one.ambient == 293.15
@@ -180,7 +182,7 @@ def test_the_table_of_the_page_is_what_it_says() -> None:
     oil = Lubricant(viscosity_40=150, viscosity_100=15, temperature="20 degC", speed="1815 rpm")
     for row in table.splitlines():
         resistance, *told = (float(cell) for cell in row.strip("|").split("|"))
-        around = rverror.to_core(f"{resistance} K/W", "thermal_resistance")
+        around = rverror.base.to_core(f"{resistance} K/W", "thermal_resistance")
         found = over(cycle, rubs, lubricant=oil, thermal_resistance=around, inside_resistance=around / 3)
         moved = rverror.transmission_error(NEW.with_effects(found.growth), THETA, direction=1.0).mean()
         lost = sum(found.losses.values()), found.losses["drag"]

@@ -145,7 +145,7 @@ def test_a_nearly_linear_law_is_the_linear_one() -> None:
 
 def test_a_line_contact_stiffens_with_load() -> None:
     """On hard bearings: compliance goes with the load to the power 1/n - 1."""
-    hard = rverror.Stiffness(crank_bearing=1e9, carrier_bearing=1e9)
+    hard = rverror.geartrain.Stiffness(crank_bearing=1e9, carrier_bearing=1e9)
 
     def softness(unit: Reducer, torque: float) -> float:
         model = rverror.Model(unit)
@@ -191,7 +191,9 @@ def test_influences_are_the_derivatives_by_any_law(monkeypatch: pytest.MonkeyPat
 
 def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
     unit, effects = rverror.reducer("RV-40E"), errors(np.random.default_rng(4))
-    other = replace(unit, stiffness=rverror.Stiffness(pin_contact=1.2e5), gear_backlash=5e-3, contact_law=LINE)
+    other = replace(
+        unit, stiffness=rverror.geartrain.Stiffness(pin_contact=1.2e5), gear_backlash=5e-3, contact_law=LINE
+    )
     where = Conditions(np.linspace(0.2, 6.0, 300), 1.0, 30e3)
     for some in (effects, effects[2:4]):
         first = statics_of(unit, where)

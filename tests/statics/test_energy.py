@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import Phase, assume, given, reject, settings
-from hypothesis import strategies as st
+from hypothesis import Phase, assume, given, reject, settings, strategies as st
 
 import rverror
 from oracle import Errors, put
@@ -336,7 +335,7 @@ def rated(unit: rverror.Reducer) -> float:
 
 CONTACTS = ("pin_contact", "crank_bearing", "carrier_bearing", "gear_mesh", "main_bearing")
 stiffnesses = st.builds(
-    lambda k, sun: rverror.Stiffness(**dict(zip(CONTACTS, k, strict=True)), sun_support=sun),
+    lambda k, sun: rverror.geartrain.Stiffness(**dict(zip(CONTACTS, k, strict=True)), sun_support=sun),
     st.tuples(*[st.floats(4, 7).map(lambda exponent: 10**exponent)] * 5),
     st.floats(1.5, 4).map(lambda exponent: 10**exponent),
 )
@@ -511,7 +510,7 @@ def test_influence_is_contact_force_per_unit_torque(model: rverror.Model, seed: 
     rng = np.random.default_rng(seed)
     theta, sense = rng.uniform(-7, 7, 6), rng.choice([-1.0, 1.0], 6)
     torque = rng.uniform(0.3, 1.5) * rated(model.mechanism)
-    loaded = rverror.linearise(model, theta, torque=torque, direction=sense)
+    loaded = rverror.statics.linearise(model, theta, torque=torque, direction=sense)
     forces, touching = [], []
     for load in (torque, 1.01 * torque):
         train = Train(model, theta, sense=sense, torque=load)
@@ -569,7 +568,7 @@ def test_influence_is_the_derivative_of_the_output(model: rverror.Model, seed: i
     rng = np.random.default_rng(seed)
     theta, sense = rng.uniform(-7, 7, 4), rng.choice([-1.0, 1.0], 4)
     torque = rng.uniform(0.3, 1.5) * rated(model.mechanism)
-    loaded = rverror.linearise(model, theta, torque=torque, direction=sense)
+    loaded = rverror.statics.linearise(model, theta, torque=torque, direction=sense)
     (effect,) = random_effects(rng, model.mechanism, count=1, size=0.02)
     matrix = source_matrix(loaded.motion, loaded.forces, effect.key, effect.indices)
     near = flat(loaded.state.pose)
@@ -585,7 +584,7 @@ def test_influence_is_the_derivative_at_a_finite_clearance(name: str) -> None:
     unit, rng = rverror.reducer(name), np.random.default_rng(5)
     model = rverror.Model(unit, (*random_effects(rng, unit, count=6, size=2e-3), *with_clearance(5e-3, 8e-3)))
     sense = np.where(np.arange(ANGLES.size) % 2, 1.0, -1.0)
-    loaded = rverror.linearise(model, ANGLES, torque=100e3, direction=sense)
+    loaded = rverror.statics.linearise(model, ANGLES, torque=100e3, direction=sense)
     for effect in random_effects(rng, unit, count=12, size=0.02):
         matrix = source_matrix(loaded.motion, loaded.forces, effect.key, effect.indices)
         near = flat(loaded.state.pose)
@@ -638,7 +637,7 @@ def test_exact_rows_are_influences_to_1e_9(model: rverror.Model, seed: int) -> N
     rng = np.random.default_rng(seed)
     theta, sense = rng.uniform(-7, 7, 4), rng.choice([-1.0, 1.0], 4)
     torque = rng.uniform(0.01, 1.5) * rated(model.mechanism)
-    loaded = rverror.linearise(model, theta, torque=torque, direction=sense)
+    loaded = rverror.statics.linearise(model, theta, torque=torque, direction=sense)
     for what, (effects, expected) in exact_rows(model.mechanism).items():
         total = sum(np.array(e.values) @ source_matrix(loaded.motion, loaded.forces, e.key, e.indices) for e in effects)
         np.testing.assert_allclose(total, expected, rtol=1e-9, err_msg=what)
@@ -691,12 +690,12 @@ def test_rows_that_need_symmetry_or_open_flanks() -> None:
     mesh = gears / (121 * 2 * 20.25)  # per mm along the pitch circle; over cos(alpha) along the line of action
     rng = np.random.default_rng(3)
     for k in 10 ** rng.uniform(4, 7, (6, 5)):
-        stiffness = rverror.Stiffness(**dict(zip(CONTACTS, k.tolist(), strict=True)))
+        stiffness = rverror.geartrain.Stiffness(**dict(zip(CONTACTS, k.tolist(), strict=True)))
         unit = rverror.reducer("RV-40E", stiffness=stiffness)
         for sense in (1, -1):
-            loaded = rverror.linearise(rverror.Model(unit), ANGLES, torque=412e3, direction=sense)
+            loaded = rverror.statics.linearise(rverror.Model(unit), ANGLES, torque=412e3, direction=sense)
 
-            def per_mm(key: str, loaded: rverror.Linearisation = loaded, **indices: Any) -> Array:
+            def per_mm(key: str, loaded: rverror.statics.Linearisation = loaded, **indices: Any) -> Array:
                 return source_matrix(loaded.motion, loaded.forces, key, indices)
 
             for key in ("cycloid.disc_profile", "cycloid.disc_pitch"):
@@ -823,14 +822,14 @@ def test_company_does_not_matter(clearance: float) -> None:
     theta = np.sort(rng.uniform(0, 2 * np.pi, 1100))
     sense = rng.choice([-1.0, 1.0], theta.size)
     torque = 20e3
-    whole = rverror.linearise(model, theta, torque=torque, direction=sense)
+    whole = rverror.statics.linearise(model, theta, torque=torque, direction=sense)
     chosen = np.concatenate([rng.choice(theta.size, 6), [1022, 1023, 1024, 1025, 0, -1]])
     rng.shuffle(chosen)
     train = Train(model, theta[chosen], sense=sense[chosen], torque=torque)
     x = flat(whole.state.pose)[chosen]
     # what may be out of balance in both poses displaces them by no more than this
     allowed = 2 * np.abs(np.linalg.inv(train.matrix(train.settled(x)))).sum(axis=-1) * train.unbalanced(x)[:, None]
-    shuffled = rverror.linearise(model, theta[chosen], torque=torque, direction=sense[chosen])
+    shuffled = rverror.statics.linearise(model, theta[chosen], torque=torque, direction=sense[chosen])
     assert (abs(flat(shuffled.state.pose) - x) <= allowed).all()
     assert allowed[:, 2].max() < 1e-4 * ARCSEC
     for key, force in whole.forces.items():

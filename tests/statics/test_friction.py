@@ -9,23 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
 from pages import DOCS, text
-from rverror import (
-    BearingPreload,
-    Efficiency,
-    Friction,
-    Model,
-    NotConvergedError,
-    Reducer,
-    Stiffness,
-    effect,
-    efficiency,
-    hysteresis,
-)
+from rverror import Model, Reducer, effect
+from rverror.geartrain import BearingPreload, Friction, Stiffness
+from rverror.statics import Efficiency, NotConvergedError, efficiency, hysteresis
 from rverror.statics.friction import mean_mesh_slip
 from strategies import angles, reducers
 
@@ -612,18 +602,18 @@ TORQUES = np.array([-412e3, -100e3, -12e3, 0.0, 12e3, 100e3, 412e3])
 
 def test_loop_without_friction_is_the_torsion_curve() -> None:
     loop = hysteresis(Model(UNIT, errors_of(UNIT)), THETA[:3], torques=TORQUES, friction=Friction())
-    curve = rverror.torsion_curve(Model(UNIT, errors_of(UNIT)), THETA[:3], torques=TORQUES)
+    curve = rverror.statics.torsion_curve(Model(UNIT, errors_of(UNIT)), THETA[:3], torques=TORQUES)
     loaded = TORQUES != 0
     np.testing.assert_allclose(loop.rising[loaded], curve.angle[loaded], rtol=1e-9)
     np.testing.assert_allclose(loop.width[loaded], 0, atol=1e-12)
-    play = rverror.backlash(Model(UNIT, errors_of(UNIT)), THETA[:3])
+    play = rverror.statics.backlash(Model(UNIT, errors_of(UNIT)), THETA[:3])
     np.testing.assert_allclose(loop.width[~loaded][0], play, rtol=1e-6)
 
 
 def test_drag_alone_makes_a_loop_of_its_windup_both_ways() -> None:
     drag = Friction(drag="4 N*m")
     loop = hysteresis(Model(UNIT), THETA[:2], torques=TORQUES, friction=drag)
-    stiffness = rverror.torsional_stiffness(Model(UNIT), THETA[:2])
+    stiffness = rverror.statics.torsional_stiffness(Model(UNIT), THETA[:2])
     np.testing.assert_allclose(loop.width[0], 2 * 4e3 / stiffness, rtol=1e-3)
     np.testing.assert_allclose(loop.width[6], 2 * 4e3 / stiffness, rtol=1e-3)
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from oracle import Oracle, Rubbing, Springs
-from rverror import Friction, Model, Reducer, Stiffness, efficiency, reducer
+from rverror import Model, Reducer, reducer
+from rverror.geartrain import Friction, Stiffness
+from rverror.statics import efficiency
 from rverror.statics.friction import mean_mesh_slip
 from strategies import Array, angles, reducers
 

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.integrate import quad
 
 import rverror
-from rverror import Model, Reducer, RollerBearing, contact_pressure
+from rverror import Model, Reducer
 from rverror.geartrain.cycloid import profile, trochoid_curvature
+from rverror.statics import RollerBearing, contact_pressure
 from strategies import reducers
 
 UNIT = rverror.reducer("RV-40E")
@@ -20,7 +20,7 @@ THETA = 2 * np.pi / 40 * np.arange(32) / 32
 BEARING = RollerBearing(rollers=14, roller_diameter="5 mm", roller_length="8 mm", race_diameter="20 mm")
 
 
-def pressed(unit: Reducer = UNIT, torque: str = "412 N*m", **more: object) -> rverror.ContactPressure:
+def pressed(unit: Reducer = UNIT, torque: str = "412 N*m", **more: object) -> rverror.statics.ContactPressure:
     return contact_pressure(Model(unit), THETA, torque=torque, disc_width=9.0, gear_width=8.0, **more)
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
-from rverror import Conditions, Model, Reducer, Stiffness, effect
+from rverror import Model, Reducer, effect
+from rverror.geartrain import Conditions, Stiffness
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.contacts import motion
 from rverror.model.catalogue import CATALOGUE
@@ -53,7 +53,7 @@ def test_ratios_of_the_sources() -> None:
 def test_willis(unit: Reducer) -> None:
     """Seen from the carrier, sun and housing turn as in any train with a held arm: -(z2/z1) z_p."""
     other = replace(unit, output="housing")
-    turns = rverror.frame_orders(other)
+    turns = rverror.geartrain.frame_orders(other)
     sun, housing = (turns[part] - turns["carrier"] for part in ("sun", "housing"))
     assert sun / housing == pytest.approx(-unit.planet_teeth / unit.sun_teeth * unit.pins)
     assert other.ratio == pytest.approx(sun / housing)
@@ -302,5 +302,5 @@ def test_torsional_stiffness_is_seen_from_the_output() -> None:
     """A bearing at the cranks alone gives way: the housing turns R/(R - 1) times under so many times the force."""
     stiff = Stiffness(crank_bearing=1e12, pin_contact=1e12, gear_mesh=1e12, carrier_bearing=3e5, main_bearing=1e12)
     unit = rverror.reducer("RV-40E", output="housing", stiffness=stiff)
-    found = rverror.torsional_stiffness(Model(unit), [0.0])
+    found = rverror.statics.torsional_stiffness(Model(unit), [0.0])
     assert found[0] == pytest.approx(2 * 3e5 * 27**2 * (120 / 121) ** 2, rel=1e-3)

@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from rverror.geartrain.kinematics import Conditions
@@ -23,9 +22,9 @@ UNIT = rverror.reducer("RV-40E")
 THETA = 2 * np.pi / 40 * np.arange(24) / 24
 TORQUE = 20e3
 LAWS = {
-    "linear": rverror.ContactLaw(),
-    "line contact": rverror.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9),
-    "curved": rverror.ContactLaw(profile_curvature=1.0),
+    "linear": rverror.geartrain.ContactLaw(),
+    "line contact": rverror.geartrain.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9),
+    "curved": rverror.geartrain.ContactLaw(profile_curvature=1.0),
 }
 
 
@@ -178,12 +177,12 @@ def test_a_program_may_solve_on_threads_of_its_own(monkeypatch: pytest.MonkeyPat
 PLAIN = """
 import numpy as np, rverror
 from rverror.statics.prediction import predict
-unit = rverror.reducer("RV-40E", contact_law=rverror.ContactLaw(**{law}))
+unit = rverror.reducer("RV-40E", contact_law=rverror.geartrain.ContactLaw(**{law}))
 errors = (
     rverror.effect("cycloid.pin_position", pin=3, tangential="6 um"),
     rverror.effect("crank.bearing_clearance", clearance="{clearance} um"),
 )
-found = predict(rverror.Model(unit, errors), rverror.Conditions(np.linspace(0, 0.2, 4), 1.0, 20e3))
+found = predict(rverror.Model(unit, errors), rverror.geartrain.Conditions(np.linspace(0, 0.2, 4), 1.0, 20e3))
 print(repr([*found.transmission_error, *found.matrix.ravel(), *found.softening.ravel()]))
 """
 

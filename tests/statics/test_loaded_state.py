@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from oracle import Errors, Oracle, Springs, put
@@ -145,7 +144,7 @@ def test_pins_that_follow_their_profiles_leave_little_of_it(name: str, sense: in
     """Most of what is quadratic is there: of eleven errors at once 0.03 arcsec at most are left, under half of it."""
     left = {}
     for share in (0.0, 1.0):
-        law = rverror.ContactLaw(profile_curvature=share)
+        law = rverror.geartrain.ContactLaw(profile_curvature=share)
         unit = rverror.reducer(name, gear_backlash=0.02 if name == "RV-40E" else 0.06, contact_law=law)
         found = rverror.equilibrium(model_of(unit, SEVERAL), ANGLES, torque=20e3, direction=sense)
         wrong = found.transmission_error - oracle_output(unit, SEVERAL, sense=sense, torque=20e3)
@@ -167,7 +166,7 @@ def test_alone_an_error_is_exact_to_thousandths_of_an_arcsec(term: Term) -> None
     """Those that turn normals most: beside exact poses a quarter of what straight profiles leave, or less."""
     left = {}
     for share in (0.0, 1.0):
-        unit = rverror.reducer("RV-40E", contact_law=rverror.ContactLaw(profile_curvature=share))
+        unit = rverror.reducer("RV-40E", contact_law=rverror.geartrain.ContactLaw(profile_curvature=share))
         wrong, clean = (
             rverror.equilibrium(model_of(unit, terms), ANGLES, torque=20e3, direction=1).transmission_error
             - oracle_output(unit, terms, sense=1, torque=20e3)
@@ -248,9 +247,9 @@ stiffnesses = st.builds(
 
 @given(stiffness=stiffnesses, name=st.sampled_from(["RV-40E", "RV-003"]), sense=st.sampled_from([1, -1]))
 def test_exact_rows_hold_at_any_stiffness(stiffness: dict[str, float], name: str, sense: int) -> None:
-    unit = rverror.reducer(name, stiffness=rverror.Stiffness(**stiffness), gear_backlash=0.0)
+    unit = rverror.reducer(name, stiffness=rverror.geartrain.Stiffness(**stiffness), gear_backlash=0.0)
     angles = ANGLES[:4]
-    forces = rverror.linearise(rverror.Model(unit), angles, torque=FEATHER, direction=sense).forces
+    forces = rverror.statics.linearise(rverror.Model(unit), angles, torque=FEATHER, direction=sense).forces
     motion = pose(unit, angles, direction=sense)
     for what, terms, expected in exact_rows(unit):
         total = np.zeros(angles.size)
@@ -263,7 +262,7 @@ def test_exact_rows_hold_at_any_stiffness(stiffness: dict[str, float], name: str
 @given(stiffness=stiffnesses, name=st.sampled_from(["RV-40E", "RV-003"]), sense=st.sampled_from([1, -1]))
 def test_exact_rows_hold_for_solved_poses(stiffness: dict[str, float], name: str, sense: int) -> None:
     """Finite errors under load, by the difference of two solved poses; the play is shared, so nothing closes it."""
-    unit = rverror.reducer(name, stiffness=rverror.Stiffness(**stiffness), gear_backlash=1e-4)
+    unit = rverror.reducer(name, stiffness=rverror.geartrain.Stiffness(**stiffness), gear_backlash=1e-4)
     angles, step = ANGLES[:4], 1e-6
     clean = rverror.equilibrium(rverror.Model(unit), angles, torque=100 * FEATHER, direction=sense).transmission_error
     for what, terms, expected in exact_rows(unit):
@@ -317,7 +316,7 @@ def test_forces_are_derivatives_of_the_output(key: str, index: dict[str, Any], s
     """At a state in which errors have lifted pins off: a millionth of 20 N*m and of 5 um."""
     unit = rverror.reducer("RV-40E", gear_backlash=2e-8)
     base = model_of(unit, SEVERAL, 1e-6)
-    loaded = rverror.linearise(base, ANGLES, torque=0.02, direction=sense)
+    loaded = rverror.statics.linearise(base, ANGLES, torque=0.02, direction=sense)
     matrix = source_matrix(loaded.motion, loaded.forces, key, index)
     labels = influence(unit, ANGLES, key, direction=sense, **index).labels
     step = 1e-13  # no contact switches
@@ -343,7 +342,7 @@ def moment(point: np.ndarray, force: np.ndarray) -> np.ndarray:
 def test_forces_balance_on_every_body(sense: int, name: str, terms: tuple[Term, ...]) -> None:
     """Statics of a reducer under a unit torque, body by body, from positions of the contacts drawn anew here."""
     unit = rverror.reducer(name, gear_backlash=2e-9)  # more than the errors use up
-    forces = rverror.linearise(model_of(unit, terms, 1e-8), ANGLES, torque=2 * FEATHER, direction=sense).forces
+    forces = rverror.statics.linearise(model_of(unit, terms, 1e-8), ANGLES, torque=2 * FEATHER, direction=sense).forces
     turns = frame_orders(unit)
     gamma = 2 * np.pi * np.arange(unit.pins) / unit.pins
     circle = lambda angle: np.stack([np.cos(angle), np.sin(angle)], axis=-2)  # noqa: E731
@@ -378,12 +377,12 @@ def test_forces_balance_on_every_body(sense: int, name: str, terms: tuple[Term, 
 @pytest.mark.parametrize("name", ["RV-40E", "RV-003"])
 def test_stiff_bearings_give_the_closed_form(name: str) -> None:
     """Bearings 1e4 times as stiff as pins, carrier bearings stiffer still, as the closed form has them."""
-    stiff = rverror.Stiffness(
+    stiff = rverror.geartrain.Stiffness(
         pin_contact=2e5, crank_bearing=2e9, carrier_bearing=2e12, gear_mesh=2e8, sun_support=1e3, main_bearing=2e12
     )
     unit = rverror.reducer(name, stiffness=stiff)
     motion = pose(unit, ANGLES, direction=1)
-    forces = rverror.linearise(rverror.Model(unit), ANGLES, torque=412e3, direction=1).forces
+    forces = rverror.statics.linearise(rverror.Model(unit), ANGLES, torque=412e3, direction=1).forces
     for key, index in ONE_OF_EACH_CONTACT:
         closed = influence(unit, ANGLES, key, direction=1, **index).matrix
         found = source_matrix(motion, forces, key, index)

@@ -12,7 +12,8 @@ from rverror.statics.loaded_state import statics_of
 
 UNIT = rverror.reducer("RV-40E")
 TURNED = rverror.reducer(
-    "RV-40E", contact_law=rverror.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9, profile_curvature=1.0)
+    "RV-40E",
+    contact_law=rverror.geartrain.ContactLaw(pin_exponent=10 / 9, flank_exponent=10 / 9, profile_curvature=1.0),
 )
 ANGLES = np.array([0.1, 0.6, 1.25])
 ERRORS = (

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import rverror
 from rverror.geartrain.kinematics import Conditions
@@ -59,7 +58,7 @@ def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
             effects.append(Effect(key, indices, tuple(0.02 * p.plausible for p in entry.parameters)))
     model = rverror.Model(unit, tuple(effects))
     found = predict(model, Conditions(theta, -1.0, 412e3)).matrix
-    state = rverror.linearise(model, theta, torque=412e3, direction=-1.0)
+    state = rverror.statics.linearise(model, theta, torque=412e3, direction=-1.0)
     expected = rverror.model.compose.effect_matrix(state.motion, state.forces, model.effects)
     scale = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found / scale.max(), expected / scale.max(), rtol=0, atol=1e-8)

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
-from rverror import BearingPreload, Conditions, Model, Reducer, Stiffness, effect
+from rverror import Model, Reducer, effect
 from rverror.base.errors import InputError
+from rverror.geartrain import BearingPreload, Conditions, Stiffness
 from rverror.statics import kernel
 from rverror.statics.loaded_state import SOFTENING, statics_of
 

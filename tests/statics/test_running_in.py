@@ -11,7 +11,8 @@ import pytest
 
 import rverror
 from pages import DOCS, text
-from rverror import ARCSEC, DutyPhase, Model, RunningIn, Wear, WearCoefficients, fit_running_in, wear
+from rverror import ARCSEC, Model
+from rverror.statics import DutyPhase, RunningIn, Wear, WearCoefficients, fit_running_in, wear
 
 UNIT = rverror.reducer("RV-40E")
 NEW = Model(UNIT)

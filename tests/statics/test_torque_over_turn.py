@@ -15,7 +15,7 @@ from rverror.model.effects import Effect
 from rverror.statics.loaded_state import statics_of
 
 UNIT = rverror.reducer("RV-40E")
-ARM = rverror.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
+ARM = rverror.geartrain.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
 #: Level, lifted, beyond the top, coming down, and close to where the weight turns from one side to the other.
 THETA = np.radians([30.0, 71.3, 118.0, 122.0, 163.7, 210.0, 251.9, 298.0, 305.2])
 ERRORS: tuple[Effect, ...] = (
@@ -114,7 +114,7 @@ def test_a_turn_gives_back_what_it_takes() -> None:
     change = -ARM.mass * ARM.gravity * ARM.lever * np.sin(theta - ARM.offset) - 8e5 * np.sin(40 * theta)
 
     def least(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        parts = list(statics_of(UNIT, rverror.Conditions(at, 1.0, load=load)).solutions(ERRORS))
+        parts = list(statics_of(UNIT, rverror.geartrain.Conditions(at, 1.0, load=load)).solutions(ERRORS))
         return tuple(
             np.concatenate(rows)
             for rows in zip(*[(p.solution.energy, p.transmission_error) for p in parts], strict=True)
@@ -162,7 +162,7 @@ def test_forces_of_an_arm_are_those_of_its_side() -> None:
 )
 def test_an_arm_that_is_none_is_refused(given: dict[str, Any], what: str) -> None:
     with pytest.raises(ValueError, match=what):
-        rverror.GravityArm(**{"mass": "20 kg", "lever": "0.5 m", **given})
+        rverror.geartrain.GravityArm(**{"mass": "20 kg", "lever": "0.5 m", **given})
 
 
 @pytest.mark.parametrize("torque", [[1e3, 2e3], lambda theta: theta[:2], [1e3] * 8 + [np.nan]])
@@ -172,9 +172,11 @@ def test_a_torque_of_another_shape_is_refused(torque: Any) -> None:
 
 
 def test_losses_are_not_found_at_a_torque_that_changes() -> None:
-    where = rverror.Conditions(THETA, 1.0, load=ARM(THETA))
+    where = rverror.geartrain.Conditions(THETA, 1.0, load=ARM(THETA))
     with pytest.raises(ValueError, match="changes over the turn"):
-        rverror.efficiency(rverror.Model(UNIT), where, torque=None, friction=rverror.Friction(pin=0.1))
+        rverror.statics.efficiency(
+            rverror.Model(UNIT), where, torque=None, friction=rverror.geartrain.Friction(pin=0.1)
+        )
 
 
 def test_a_column_without_its_noise() -> None:

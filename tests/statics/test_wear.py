@@ -13,8 +13,9 @@ from hypothesis import given, settings
 
 import rverror
 from pages import DOCS, text
-from rverror import Model, Reducer, Wear, WearCoefficients, wear
+from rverror import Model, Reducer
 from rverror.geartrain.cycloid import profile, trochoid_curvature
+from rverror.statics import Wear, WearCoefficients, wear
 from strategies import reducers
 
 Array = npt.NDArray[np.float64]
@@ -106,9 +107,9 @@ def test_a_fixed_pin_wears_most_where_its_contact_halts() -> None:
 def test_worn_volume_is_the_work_of_friction() -> None:
     """Per coefficient: k times what friction takes, over its coefficient, on the equilibrium at other angles."""
     found = worn(disc=SLIGHT, pin=2 * SLIGHT, sun=3 * SLIGHT, planet=4 * SLIGHT)
-    rubs = rverror.Friction(pin=1e-6, mesh=1e-6)
+    rubs = rverror.geartrain.Friction(pin=1e-6, mesh=1e-6)
     theta = 2 * np.pi / 40 * np.arange(47) / 47
-    losses = rverror.efficiency(NEW, theta, torque=TORQUE, friction=rubs).losses
+    losses = rverror.statics.efficiency(NEW, theta, torque=TORQUE, friction=rubs).losses
     by_pins, by_mesh = (1e6 * losses[kind].mean() * SLIGHT * TURNED for kind in ("pin", "mesh"))
     for body, expected in {"disc": by_pins, "pin": 2 * by_pins, "sun": 3 * by_mesh, "planet": 4 * by_mesh}.items():
         assert found.volume[body][-1] == pytest.approx(expected, rel=1e-4), body
@@ -360,7 +361,7 @@ def test_what_is_refused(given: dict[str, Any], said: str) -> None:
 
 def test_hours_may_be_a_quantity() -> None:
     assert worn(hours="2 h", disc=SLIGHT).hours[-1] == 2
-    assert worn(hours=rverror.to_core("30 min", "time") / 3600, disc=SLIGHT).hours[-1] == 0.5
+    assert worn(hours=rverror.base.to_core("30 min", "time") / 3600, disc=SLIGHT).hours[-1] == 0.5
 
 
 def test_a_unit_without_rated_torque_has_its_duty_for_it() -> None:

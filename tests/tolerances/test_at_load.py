@@ -17,7 +17,7 @@ from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, insta
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
-ARM = rverror.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
+ARM = rverror.geartrain.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
 EVERY_LIMIT = (
     limit("transmission_error", "30 arcsec", torque="20 N*m"),
     limit("transmission_error", "30 arcsec", torque="412 N*m"),
@@ -28,7 +28,7 @@ EVERY_LIMIT = (
 )
 
 
-def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.Tolerance]]:
+def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.tolerances.Tolerance]]:
     """A model with declared effects, and tolerances of every way in which a source acts."""
     unit = rverror.reducer("RV-40E", **changes)
     declared = (
@@ -62,7 +62,11 @@ def of_effects(units: LoadedUnits, drawn: np.ndarray) -> rverror.Model:
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"contact_law": rverror.ContactLaw(pin_exponent=10 / 9, profile_curvature=1.0)}, {"output": "housing"}],
+    [
+        {},
+        {"contact_law": rverror.geartrain.ContactLaw(pin_exponent=10 / 9, profile_curvature=1.0)},
+        {"output": "housing"},
+    ],
     ids=["linear", "power law on curved profiles", "output at the housing"],
 )
 def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes: dict[str, Any]) -> None:
@@ -77,13 +81,13 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
             full = np.ptp(rverror.equilibrium(one, turn, torque=torque, direction=1.0).transmission_error)
             assert 0.97 * full <= turns[unit, at] <= full * (1 + 1e-9)  # of all angles, a few of which are solved
         assert turns[unit, 2] == pytest.approx(rverror.lost_motion(one, places).max(), rel=1e-7)
-        assert turns[unit, 3] == pytest.approx(rverror.backlash(one, places).max(), rel=1e-4)
+        assert turns[unit, 3] == pytest.approx(rverror.statics.backlash(one, places).max(), rel=1e-4)
         stiffness = units.limits[4].turned(turns[unit, 4])
-        assert stiffness == pytest.approx(rverror.torsional_stiffness(one, places).min(), rel=1e-7)
+        assert stiffness == pytest.approx(rverror.statics.torsional_stiffness(one, places).min(), rel=1e-7)
 
 
 @pytest.mark.usefixtures("few_angles")  # a slope is that of the turn between two angles, whichever they are
-@pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.ContactLaw(profile_curvature=1.0)}])
+@pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.geartrain.ContactLaw(profile_curvature=1.0)}])
 def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None:
     model, tolerances = mixed(**changes)
     limits = [one for one in EVERY_LIMIT if one.quantity != "backlash"]  # its contacts are about to change
@@ -140,7 +144,7 @@ def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
         rverror.error_budget(model, tolerances, torque=ARM, speed="60 rpm")
 
 
-def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.Tolerance], float, float]:
+def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.tolerances.Tolerance], float, float]:
     """One tolerance whose lost motion is that of the perfect unit and thinning / (r1 R): and these two, rad."""
     unit = rverror.reducer("RV-40E")
     tolerance = rverror.tolerance("involute.tooth_thinning", width, mean="20 um", member="sun", **more)
@@ -166,7 +170,7 @@ def test_yield_is_that_of_a_normal_lost_motion() -> None:
 @pytest.mark.usefixtures("few_angles")
 def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     """The width that fresh units verify lies between those with 99 % and 99.95 % of good units."""
-    cost = rverror.costs.Reciprocal(10.0, 0.006)
+    cost = rverror.tolerances.cost.Reciprocal(10.0, 0.006)
     model, tolerances, perfect, each = thinned("12 um", cost=cost)
     asked = Limit("lost_motion", perfect + each * 26e-3)
     found = allocate_at_load(model, tolerances, [asked], sample=256, verify=1500, seed=5)
@@ -183,8 +187,8 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
 def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     """Of the grades the one with which all costs least, the smooth width as wide as the limit then leaves it."""
     smooth, table = (
-        rverror.costs.Reciprocal(10.0, 0.006),
-        rverror.costs.Grades((0.002, 0.006, 0.010), (30.0, 12.0, 9.0), ("fine", "medium", "coarse")),
+        rverror.tolerances.cost.Reciprocal(10.0, 0.006),
+        rverror.tolerances.cost.Grades((0.002, 0.006, 0.010), (30.0, 12.0, 9.0), ("fine", "medium", "coarse")),
     )
     model, tolerances, perfect, each = thinned("12 um", cost=smooth)
     other = rverror.tolerance("involute.tooth_thinning", "6 um", mean="20 um", member="planet", cost=table)
@@ -203,7 +207,7 @@ def test_grades_beside_smooth_costs_meet_two_limits() -> None:
 
 @pytest.mark.usefixtures("few_angles")
 def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
-    model, tolerances, perfect, each = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
+    model, tolerances, perfect, each = thinned("6 um", cost=rverror.tolerances.cost.Reciprocal(1.0, 0.006))
     low = Limit("lost_motion", perfect + each * 10e-3)  # the mean is 20
     with pytest.raises(rverror.InputError, match=r"lost motion at 12.36 N\*m .*without any spread .* change the means"):
         allocate_at_load(model, tolerances, [low], sample=64, verify=600)
@@ -215,7 +219,7 @@ def test_limits_that_no_width_meets_say_what_holds_them_up() -> None:
 @pytest.mark.usefixtures("few_angles")
 def test_a_limit_that_is_met_by_too_little_to_be_verified_is_not_called_out_of_reach() -> None:
     """With the least width 99.5 % of the units are good: it can be, though few units do not verify 99 %."""
-    cost = rverror.costs.Reciprocal(1.0, 0.006)
+    cost = rverror.tolerances.cost.Reciprocal(1.0, 0.006)
     model, tolerances, perfect, each = thinned("6 um", cost=cost, bounds=("6 um", "12 um"))
     sigma = 2e-3  # T is three of them
     asked = Limit("lost_motion", perfect + each * (20e-3 + 2.58 * sigma))
@@ -229,7 +233,7 @@ def test_a_limit_that_is_met_by_too_little_to_be_verified_is_not_called_out_of_r
 
 
 def test_a_few_units_verify_nothing() -> None:
-    model, tolerances, perfect, _ = thinned("6 um", cost=rverror.costs.Reciprocal(1.0, 0.006))
+    model, tolerances, perfect, _ = thinned("6 um", cost=rverror.tolerances.cost.Reciprocal(1.0, 0.006))
     with pytest.raises(rverror.InputError, match=r"verify = 100: too few units .* give 4[0-9][0-9] or more"):
         allocate_at_load(model, tolerances, [Limit("lost_motion", 2 * perfect)], verify=100)
 
@@ -281,7 +285,7 @@ def test_what_a_sample_foretells_too_low_is_mended_by_fresh_units() -> None:
     Its P99.8 is 3.53 sigma, drawn through the middle and the tail of a sample 3.2.  With this seed six verifications
     fail where what the first one tells is left out.
     """
-    cost = rverror.costs.Reciprocal(10.0, 0.005)
+    cost = rverror.tolerances.cost.Reciprocal(10.0, 0.005)
     cam = rverror.tolerance("crank.eccentricity", "5 um", crank=0, disc=0, cost=cost)
     model = rverror.Model(UNIT)
     asked = [limit("transmission_error", "20 arcsec", torque="50 N*m")]

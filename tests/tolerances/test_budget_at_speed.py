@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror import Bench, Effect, Model, Stack, Stiffness, Tolerance, effect, modes, speed_response, stack, tolerance
+from rverror import Effect, Model, effect, tolerance
 from rverror.app.command_line import main
+from rverror.dynamics import modes, speed_response
+from rverror.geartrain import Stiffness
+from rverror.model import Bench
+from rverror.tolerances import Stack, Tolerance, stack
 from strategies import variant
 
 UNIT = rverror.reducer("RV-40E")
@@ -35,7 +39,7 @@ def by_linearise(
     model: Model, tolerances: tuple[Tolerance, ...], made: Stack, torque: float, direction: float
 ) -> Stack:
     """The stack at no speed, by virtual work on the equilibrium."""
-    state = rverror.linearise(model, made.theta, torque=torque, direction=direction)
+    state = rverror.statics.linearise(model, made.theta, torque=torque, direction=direction)
     rows = []
     for one in made.components:
         told = rverror.influence(
@@ -55,7 +59,7 @@ def test_at_a_crawl_it_is_the_budget_of_the_loaded_state(direction: float) -> No
     size = np.abs(still.influence).max(axis=1, keepdims=True)
     assert (np.abs(made.influence - still.influence) <= 1e-6 * size).all()
     np.testing.assert_allclose(made.nominal, still.nominal, atol=1e-6 * np.ptp(still.nominal))
-    moving, static = rverror.budget(made), rverror.budget(still)
+    moving, static = rverror.tolerances.budget(made), rverror.tolerances.budget(still)
     assert moving.worst.peak_to_peak == pytest.approx(static.worst.peak_to_peak, rel=1e-5)
     assert moving.rms == pytest.approx(static.rms, rel=1e-5)
     for one, other in zip(moving.contributions, static.contributions, strict=True):
@@ -93,14 +97,14 @@ def test_near_a_critical_speed_another_tolerance_comes_first(direction: float) -
     """One inertia on one contact: each order grows by the textbook's factor, and the orders' squares add up."""
     model = Model(UNIT, bench=SWINGING)
     crawl = stack(model, RIVALS, direction=direction, speed="0 rpm")
-    still = [entry.mean_square for entry in rverror.budget(crawl).contributions]
+    still = [entry.mean_square for entry in rverror.tolerances.budget(crawl).contributions]
     assert still[0] > 3 * still[1]
     first = modes(model, direction=direction).frequency[0]
     critical = 2 * math.pi * first * UNIT.ratio / 80
     orders = np.arange(1, crawl.theta.size // 2)
     leads = []
     for share in (0.5, 1.0):
-        found = rverror.budget(stack(model, RIVALS, direction=direction, speed=share * critical))
+        found = rverror.tolerances.budget(stack(model, RIVALS, direction=direction, speed=share * critical))
         grown = wavy_base(share * orders / 80) ** 2
         for entry, rows, before in zip(
             found.contributions, (crawl.influence[:2], crawl.influence[2:]), still, strict=True
@@ -184,7 +188,7 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     told = json.loads(out.read_text())
     assert told["input_speed_rpm"] == pytest.approx(300)
     assert told["limits"] == []
-    worst = rverror.budget(made).worst.peak_to_peak
+    worst = rverror.tolerances.budget(made).worst.peak_to_peak
     assert told["peak_to_peak_arcsec"]["worst_case"] == pytest.approx(math.degrees(worst) * 3600, rel=1e-3)
     assert "about the loaded state at 300 rpm" in capsys.readouterr().out
     limit = f"{math.degrees(worst) * 3600 / 2:.6f} arcsec"

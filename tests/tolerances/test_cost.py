@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from rverror.base.errors import InputError
 from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare

@@ -106,11 +106,14 @@ def test_instances_go_together_whose_common_indices_are_alike() -> None:
         assert given.covariance[i, j] == pytest.approx(0.5 / 9 if same else 0)
 
 
-def three(value: float) -> list[rverror.Tolerance]:
+def three(value: float) -> list[rverror.tolerances.Tolerance]:
     keys = ("involute.sun_eccentricity", "coupling.carrier_runout", "involute.sun_offset")
     made = [tolerance(key, "5 um", parameters=["x"], name=name) for key, name in zip(keys, "abc", strict=True)]
     said = [{}, {"a": value}, {"a": value, "b": value}]
-    return [rverror.Tolerance(**{**vars(item), "correlated_with": own}) for item, own in zip(made, said, strict=True)]
+    return [
+        rverror.tolerances.Tolerance(**{**vars(item), "correlated_with": own})
+        for item, own in zip(made, said, strict=True)
+    ]
 
 
 def test_correlations_that_contradict_one_another_are_named() -> None:

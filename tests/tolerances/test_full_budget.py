@@ -47,7 +47,7 @@ def files(tmp_path: Path) -> tuple[str, str]:
 
 
 @pytest.fixture(scope="module")
-def found() -> rverror.ErrorBudget:
+def found() -> rverror.tolerances.ErrorBudget:
     model = rverror.Model(rverror.reducer("RV-40E"))
     tolerances = [
         rverror.tolerance("crank.eccentricity", "5 um"),
@@ -56,7 +56,7 @@ def found() -> rverror.ErrorBudget:
     return rverror.error_budget(model, tolerances, count=2048, index_count=1024)
 
 
-def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.ErrorBudget) -> None:
+def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.tolerances.ErrorBudget) -> None:
     """Mean square and offset of many units are those of the closed form; no unit is beyond the worst case."""
     assert np.mean(found.units.rms**2) == pytest.approx(found.closed.mean_square, rel=0.02)
     assert found.units.offset.mean() == pytest.approx(found.closed.offset_mean, abs=0.1 * found.closed.offset_deviation)
@@ -70,7 +70,7 @@ def test_the_parts_of_a_budget_agree_with_each_other(found: rverror.ErrorBudget)
     assert found.at_load is None
 
 
-def test_without_indices_the_rest_is_as_with_them(found: rverror.ErrorBudget) -> None:
+def test_without_indices_the_rest_is_as_with_them(found: rverror.tolerances.ErrorBudget) -> None:
     asked = [rverror.limit("transmission_error", "30 arcsec", torque="412 N*m")]
     bare = rverror.error_budget(found.model, found.tolerances, count=2048, index_count=0, limits=asked, loaded_count=16)
     assert bare.indices is None
@@ -130,7 +130,7 @@ def test_nothing_that_moves_the_waveform_has_no_indices() -> None:
     assert "Yield at 1 arcsec peak-to-peak: 100 %" in text
 
 
-def test_text_and_json_tell_the_same(found: rverror.ErrorBudget) -> None:
+def test_text_and_json_tell_the_same(found: rverror.tolerances.ErrorBudget) -> None:
     limit = found.units.quantile(0.9).value
     content = json.loads(json.dumps(rverror.to_json(found, limit=limit), allow_nan=False))
     text = rverror.to_text(found, limit=limit)
@@ -163,7 +163,7 @@ def test_reverse_is_said_and_computed() -> None:
     assert "reverse" in rverror.to_text(ways[1])
 
 
-def test_plots_have_units_on_their_axes(found: rverror.ErrorBudget) -> None:
+def test_plots_have_units_on_their_axes(found: rverror.tolerances.ErrorBudget) -> None:
     limit = found.units.quantile(0.9).value
     figure = budget_plot.budget_figure(found, limit=limit)
     bars, histogram = figure.axes
@@ -237,8 +237,8 @@ def test_allocate_command_saves_a_file_that_meets_the_limit(
     saved = rverror.load_tolerances(new)
     assert [item.fixed for item in saved] == [False, False, True]
     assert saved[2].width == 4e-3
-    stack = rverror.stack(rverror.load_model(files[0]), saved)
-    worst = rverror.budget(stack).worst.peak_to_peak / ARCSEC
+    stack = rverror.tolerances.stack(rverror.load_model(files[0]), saved)
+    worst = rverror.tolerances.budget(stack).worst.peak_to_peak / ARCSEC
     assert 59.9 < worst <= 60 * (1 + 1e-9)
     assert "# the cams" in new.read_text(encoding="utf-8")
 

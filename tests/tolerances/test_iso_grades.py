@@ -4,8 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from rverror.base.errors import InputError
 from rverror.tolerances.iso_grades import BANDS, WIDTHS, it_width

@@ -10,7 +10,7 @@ import pytest
 import rverror
 from rverror.tolerances.cost import Reciprocal
 
-ASKED = (rverror.stack, rverror.error_budget, rverror.virtual_units, rverror.allocate)
+ASKED = (rverror.tolerances.stack, rverror.error_budget, rverror.tolerances.virtual_units, rverror.allocate)
 CONDITIONS = ("direction", "torque", "speed")
 MODEL = rverror.Model(rverror.reducer("RV-40E"))
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005))]
@@ -24,25 +24,25 @@ def test_names_and_order_are_the_same(function: object) -> None:
 
 
 def test_virtual_units_of_either() -> None:
-    stack = rverror.stack(MODEL, CAMS, THETA, direction=-1)
-    asked = rverror.virtual_units(MODEL, CAMS, THETA, direction=-1, count=64)
+    stack = rverror.tolerances.stack(MODEL, CAMS, THETA, direction=-1)
+    asked = rverror.tolerances.virtual_units(MODEL, CAMS, THETA, direction=-1, count=64)
     for same in (
-        rverror.virtual_units(stack, 64),
-        rverror.virtual_units(stack, count=64),
+        rverror.tolerances.virtual_units(stack, 64),
+        rverror.tolerances.virtual_units(stack, count=64),
     ):
         np.testing.assert_array_equal(same.peak_to_peak, asked.peak_to_peak)
     assert rverror.error_budget(MODEL, CAMS, THETA, direction=-1, count=64, index_count=64).units.count == 64
 
 
 def test_allocation_of_either() -> None:
-    stack, how = rverror.stack(MODEL, CAMS, THETA), {"limit": "90 arcsec", "kind": "worst", "verify": 1000}
+    stack, how = rverror.tolerances.stack(MODEL, CAMS, THETA), {"limit": "90 arcsec", "kind": "worst", "verify": 1000}
     asked = rverror.allocate(MODEL, CAMS, THETA, **how)
     assert rverror.allocate(stack, **how).widths == asked.widths
-    (front,) = rverror.cost_front(MODEL, CAMS, THETA, limits=[how["limit"]], kind="worst", verify=1000)
+    (front,) = rverror.tolerances.cost_front(MODEL, CAMS, THETA, limits=[how["limit"]], kind="worst", verify=1000)
     assert front.allocation is not None
     assert front.allocation.widths == asked.widths
 
 
 def test_terms_of_before_warn_and_change_nothing() -> None:
     with pytest.warns(DeprecationWarning, match="a stack knows what its tolerances cost"):
-        assert rverror.terms(CAMS) == {}
+        assert rverror.tolerances.terms(CAMS) == {}

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror.base.errors import InputError
@@ -264,7 +263,7 @@ def test_virtual_units_and_sobol_indices():
     items = cams_and_bores("normal", classes=20, opposite=True)
     other = tolerance("involute.planet_eccentricity", "5 um")
     laid = stack(UNIT, [*items, other, rollers(classes=4)], THETA)
-    units = rverror.virtual_units(laid, 4096, seed=3)
+    units = rverror.tolerances.virtual_units(laid, 4096, seed=3)
     drawn = standard(laid, seed=2, count=4096) @ laid.scaled() + laid.nominal
     peaks = np.ptp(drawn, axis=1)
     assert units.peak_to_peak.mean() == pytest.approx(peaks.mean(), rel=0.02)

@@ -71,12 +71,14 @@ def test_an_order_table_says_once_what_holds_for_all_rows() -> None:
         assert re.search(rf"^{fact} +{re.escape(text)}$", told, re.M), fact
     assert "direction  torque, N*m  order  amplitude, arcsec  phase, deg  sigma, arcsec" in told
     assert re.search(r"^reverse +20 +39 +1\.5 +0 +0\.1$", told, re.M)
-    same = rverror.orders_from_arrays(direction=-1, torque=5e3, order=[1, 2], cos=[ARCSEC] * 2, sin=[0.0] * 2)
+    same = rverror.runs.orders_from_arrays(direction=-1, torque=5e3, order=[1, 2], cos=[ARCSEC] * 2, sin=[0.0] * 2)
     assert "\norder  amplitude, arcsec  phase, deg\n" in to_text(same)
 
 
 def test_a_model_tells_what_hangs_on_its_ends() -> None:
-    told = to_text(rverror.Model(MODEL.mechanism, bench=rverror.Bench(load_inertia="5 kg*m^2", damping_ratio=0.02)))
+    told = to_text(
+        rverror.Model(MODEL.mechanism, bench=rverror.model.Bench(load_inertia="5 kg*m^2", damping_ratio=0.02))
+    )
     assert re.search(r"^bench: load inertia +5 kg\*m\^2$", told, re.M)
     assert re.search(r"^bench: damping ratio +0.02$", told, re.M)
     assert "bench" not in to_text(MODEL).replace(HOSTILE, "")
@@ -113,7 +115,7 @@ def test_a_loop_and_contact_pressures_are_told() -> None:
 def test_inputs_are_listed(tmp_path: Any) -> None:
     path = tmp_path / "model.toml"
     rverror.save_model(path, rverror.Model(rverror.reducer("RV-40E")))
-    files = rverror.input_files([path])
+    files = rverror.views.input_files([path])
     for kind, key in (("Model", "inputs"), ("Budget", "inputs"), ("Allocation", "inputs"), ("Diagnosis", "files")):
         assert to_json(every_kind()[kind][0], files=files)[key] == [
             {"path": str(path), "sha256": files[0].sha256, "bytes": path.stat().st_size}

@@ -18,12 +18,12 @@ from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.views.blocks import as_text
 from rverror.views.passport_report import passport_json, passport_sheet
 
-ENCODERS = rverror.Encoders(output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
+ENCODERS = rverror.model.Encoders(output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
 #: k = 2 over the square root of three, by hand; the input's encoder adds three parts in a million.
 RMS, PEAK, ORDER = 1.432, 2.864, 1.823
 
 
-def found(encoders: rverror.Encoders = ENCODERS, **changes: object) -> Diagnosis:
+def found(encoders: rverror.model.Encoders = ENCODERS, **changes: object) -> Diagnosis:
     plain = replace(diagnosis("unexplained"), validation=(Validation("later.csv", 8 * ARCSEC, 3 * ARCSEC),))
     return replace(plain, declared=replace(plain.declared, encoders=encoders), **changes)  # type: ignore[arg-type]
 
@@ -53,7 +53,7 @@ def test_programs_and_page_have_the_same_numbers() -> None:
 
 
 def test_nothing_is_shown_where_nothing_is_stated() -> None:
-    bare = found(rverror.Encoders())
+    bare = found(rverror.model.Encoders())
     assert to_json(bare)["bench_uncertainty"] is None
     told = to_text(bare), to_html(bare), to_text(diagnosis(quantity="torque")), json.dumps(to_json(bare))
     assert not any("k = 2" in text for text in told)
@@ -80,7 +80,7 @@ def test_a_passport_has_it_beside_constants_and_says_that_slopes_are_free_of_it(
         )
         for torque in (1e4, 5e4, 1e5, 2e5)
     ]
-    bench = rverror.bench_uncertainty(121, output_encoder="1.24 arcsec")
+    bench = rverror.runs.bench_uncertainty(121, output_encoder="1.24 arcsec")
     found = passport(cases)
     text = as_text(passport_sheet(found, bench=bench))
     assert "amplitude and constant ± 1.82 (bench, k = 2), the same in every run; slopes are free of it" in text
@@ -93,7 +93,7 @@ def test_a_passport_has_it_beside_constants_and_says_that_slopes_are_free_of_it(
 
 def test_small_orders_may_be_the_benchs_alone() -> None:
     case = OrderCase(condition=TableCondition(direction=1.0), orders=np.array([2.0]), waves=np.array([ARCSEC + 0j]))
-    bench = rverror.bench_uncertainty(121, output_encoder="1.24 arcsec")
+    bench = rverror.runs.bench_uncertainty(121, output_encoder="1.24 arcsec")
     assert "all of it may be the bench's" in as_text(passport_sheet(passport([case]), bench=bench))
 
 

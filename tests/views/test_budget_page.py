@@ -102,7 +102,7 @@ def test_bounds_are_told_where_they_bind(written: Path) -> None:
     """A limit that everything meets: the smooth widths stand at their upper bounds, and the text says so."""
     model = rverror.load_model(written / "model.toml")
     tolerances = rverror.load_tolerances(written / "tolerances.toml", model)
-    given = rverror.stack(model, tolerances)
+    given = rverror.tolerances.stack(model, tolerances)
     found = rverror.allocate(given, limit="2000 arcsec", kind="worst", verify=1000)
     assert found.held_by == ("upper bound", "grade", "upper bound", "fixed")
     assert rverror.to_text(found).count("upper bound") == 2
@@ -152,10 +152,10 @@ def test_progress_is_for_a_terminal_unless_asked(
 
 
 def test_every_step_of_an_allocation_is_told() -> None:
-    cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.costs.Reciprocal(1.0, 0.005))]
+    cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.tolerances.cost.Reciprocal(1.0, 0.005))]
     said: list[str] = []
     few = {"sample": 1024, "verify": 1024, "progress": said.append}
-    rverror.allocate(rverror.stack(rverror.Model(rverror.reducer("RV-40E")), cams), limit="60 arcsec", **few)
+    rverror.allocate(rverror.tolerances.stack(rverror.Model(rverror.reducer("RV-40E")), cams), limit="60 arcsec", **few)
     assert "least cost within 60 arcsec, solution 1" in said
     assert "checking by 1024 virtual units: 100 %" in said
 

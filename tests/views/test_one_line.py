@@ -36,7 +36,7 @@ def test_lines_tell_what_it_is() -> None:
     size = "crank.eccentricity (crank 0, disc 1): radial 5 um, tangential -1 um"
     assert (str(MODEL.effects[0]), repr(MODEL.effects[0])) == (size, f"<Effect {size}>")
     assert repr(MODEL.equilibrium("78 Nm", [0.1, 0.2])) == "<Equilibrium: 2 angles>"
-    assert repr(rverror.linearise(MODEL, 0.1)) == "<Linearisation: Equilibrium: 1 angle>"
+    assert repr(rverror.statics.linearise(MODEL, 0.1)) == "<Linearisation: Equilibrium: 1 angle>"
     assert repr(rverror.simulate(MODEL, points=64)) == "<Run: 64 samples>"
 
 

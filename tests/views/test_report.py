@@ -18,8 +18,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import rverror
 from diagnosed_example import COS, DEMO, SIN, Outcome, outcome, strict_json
@@ -661,7 +660,7 @@ def test_a_diagnosis_of_a_drive_is_reported_the_same_way(tmp_path: Path) -> None
     drive = rverror.Drive(ratio=-14.0, shafts={"motor": 14.0, "idler": 3.5})
     idler = rverror.effect("shaft.eccentricity", shaft="idler", harmonic=1, cos="12 arcsec", sin="7 arcsec")
     run = rverror.simulate(Model(drive, (idler,)), points=256, revolutions=4)
-    rverror.write_run(tmp_path / "run.csv", run)
+    rverror.runs.write_run(tmp_path / "run.csv", run)
     found = diagnose(Model(drive), [load_run(tmp_path / "run.csv")])
     data = to_json(found)
     (added,) = data["added"]

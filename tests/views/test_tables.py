@@ -138,7 +138,7 @@ def test_an_order_table_has_a_row_for_each_wave() -> None:
     assert frame["sigma"].tolist() == pytest.approx([0.2, 0.1, 0.1, 0.1])
     assert frame["input_speed"].tolist() == pytest.approx([10 * 60 / (2 * np.pi)] * 4)
     assert frame.attrs["units"]["input_speed"] == "rpm"
-    bare = to_pandas(rverror.orders_from_arrays(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
+    bare = to_pandas(rverror.runs.orders_from_arrays(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
     assert list(bare.columns) == ["case", "direction", "order", "amplitude", "phase", "cos", "sin"]
 
 
@@ -484,7 +484,7 @@ def test_an_allocation_knows_the_units_of_its_widths() -> None:
 
 
 def test_the_stack_of_another_allocation_is_refused() -> None:
-    other = rverror.stack(MODEL, TOLERANCES[:1], theta=THETA)
+    other = rverror.tolerances.stack(MODEL, TOLERANCES[:1], theta=THETA)
     with pytest.raises(InputError, match="stack: its tolerances are not those of the allocation"):
         to_xarray(every_kind()["Allocation"][0], stack=other)
 

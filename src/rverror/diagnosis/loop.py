@@ -101,7 +101,7 @@ def diagnose(
     if tables and samples:
         raise InputError(
             f"{tables[0].path or 'an order table'} is an order table, {samples[0].path or 'another input'} a run; "
-            "diagnose tables by themselves, or make a table of the runs (rverror.order_table_from_runs)"
+            "diagnose tables by themselves, or make a table of the runs (rverror.runs.order_table_from_runs)"
         )
     if tables and isinstance(model.mechanism, Drive):
         raise InputError(

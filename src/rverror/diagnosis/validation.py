@@ -45,7 +45,7 @@ def validated(found: Diagnosis, unseen: Sequence[Run | OrderTable]) -> Diagnosis
     >>> theta = np.linspace(0, 8 * np.pi, 4001)
     >>> runs = [rverror.run_from_arrays(input_angle=14 * theta, te=2e-5 * np.cos(14 * theta + k)) for k in (0, 0)]
     >>> model = rverror.Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0}))
-    >>> held = rverror.validated(rverror.diagnose(model, runs[:1]), runs[1:]).validation[0]
+    >>> held = rverror.diagnosis.validated(rverror.diagnose(model, runs[:1]), runs[1:]).validation[0]
     >>> held.after < 0.01 * held.before
     True
     """

@@ -276,7 +276,7 @@ def speed_response(
     Examples
     --------
     >>> import rverror
-    >>> bench = rverror.Bench(load_inertia="5 kg*m^2")
+    >>> bench = rverror.model.Bench(load_inertia="5 kg*m^2")
     >>> cam = rverror.effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")
     >>> found = speed_response(rverror.Model(rverror.reducer("RV-40E"), (cam,), bench=bench), ["600 rpm", "6000 rpm"])
     >>> bool(found.peak_to_peak[1] > 2 * found.peak_to_peak[0])  # order 40 meets the load's natural frequency
@@ -352,7 +352,7 @@ def influences_at_speed(
     Examples
     --------
     >>> import rverror
-    >>> bench = rverror.Bench(load_inertia="5 kg*m^2")
+    >>> bench = rverror.model.Bench(load_inertia="5 kg*m^2")
     >>> cam = rverror.effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")
     >>> found = influences_at_speed(rverror.Model(rverror.reducer("RV-40E"), bench=bench), "6000 rpm", [cam])
     >>> found.matrices[0].shape  # radial and tangential

@@ -104,7 +104,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     Examples
     --------
     >>> import rverror
-    >>> bench = rverror.Bench(input_inertia="1e-4 kg*m^2", position_control_stiffness=0)
+    >>> bench = rverror.model.Bench(input_inertia="1e-4 kg*m^2", position_control_stiffness=0)
     >>> found = modes(rverror.Model(rverror.reducer("RV-40E"), bench=bench))
     >>> bool(found.frequency[0] == 0 and found.frequency[1] > 0)  # nothing holds the input: one free turn of the train
     True

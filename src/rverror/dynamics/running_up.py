@@ -136,7 +136,7 @@ def run_up(
     Examples
     --------
     >>> import rverror
-    >>> bench = rverror.Bench(load_inertia="2 kg*m^2")
+    >>> bench = rverror.model.Bench(load_inertia="2 kg*m^2")
     >>> model = rverror.Model(rverror.reducer("RV-40E"), bench=bench)
     >>> found = run_up(model, ["0 s", "0.1 s", "0.2 s"], ["0 rpm", "600 rpm", "600 rpm"], torque="100 N*m")
     >>> most = 100e3 + 1.5 * 2000 * (600 / 121 * 0.10472) / 0.1  # 3 s^2 - 2 s^3 is at most half as steep again

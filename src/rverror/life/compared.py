@@ -65,7 +65,7 @@ def compare_runs(
     ...     rverror.run_from_arrays(input_angle=theta, te=size * np.cos(4 * theta) + some, direction="forward")
     ...     for size, some in zip((5e-5, 1e-5), noise)
     ... ]
-    >>> found = rverror.compare_runs(runs[:1], runs[1:], rverror.Model(rverror.Drive(ratio=1.0)))
+    >>> found = rverror.life.compare_runs(runs[:1], runs[1:], rverror.Model(rverror.Drive(ratio=1.0)))
     >>> [(one.order, round(one.before, 6), round(one.after, 6)) for one in found.orders]
     [(4, 5e-05, 1e-05)]
     """

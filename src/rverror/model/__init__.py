@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
-    from rverror.model.results import Equilibrium as Equilibrium, Influence as Influence
     from rverror.model.catalogue import CATALOGUE as CATALOGUE, extended as extended
     from rverror.model.compose import (
         influence as influence,
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
         load_model as load_model,
         save_model as save_model,
     )
+    from rverror.model.results import Equilibrium as Equilibrium, Influence as Influence
 
 else:
     __getattr__, __dir__ = attach(__name__)

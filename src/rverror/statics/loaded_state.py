@@ -137,7 +137,7 @@ def equilibrium(
 
     Under an arm's weight the output lags while it is lifted, and leads while it comes down:
 
-    >>> arm = rverror.GravityArm(mass="20 kg", lever="0.5 m")
+    >>> arm = rverror.geartrain.GravityArm(mass="20 kg", lever="0.5 m")
     >>> swung = equilibrium(rverror.Model(rverror.reducer("RV-40E")), [0.0, 3.14], torque=arm, direction=1.0)
     >>> np.sign(swung.transmission_error).tolist()
     [-1.0, 1.0]

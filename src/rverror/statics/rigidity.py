@@ -231,7 +231,7 @@ def torsional_stiffness(model: Model, theta: Any | None = None, *, low: float = 
     --------
     >>> import math, rverror
     >>> bearings = dict(crank_bearing=1e12, pin_contact=1e12, gear_mesh=1e12, carrier_bearing=3e5, main_bearing=1e12)
-    >>> unit = rverror.reducer("RV-40E", stiffness=rverror.Stiffness(**bearings))
+    >>> unit = rverror.reducer("RV-40E", stiffness=rverror.geartrain.Stiffness(**bearings))
     >>> stiffness = torsional_stiffness(rverror.Model(unit), [0.0])
     >>> bool(math.isclose(stiffness[0], 2 * 3e5 * 27**2, rel_tol=1e-3))  # two bearings at 27 mm
     True

@@ -226,11 +226,11 @@ def allocate(
     Parameters
     ----------
     model : Model or Stack
-        A stack, of `rverror.stack`, stands for model, tolerances and how they are asked.
+        A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked.
     tolerances : sequence of Tolerance
         With their costs, bounds and what is fixed.
     theta, direction, torque, speed
-        As for `rverror.stack`.
+        As for `rverror.tolerances.stack`.
     limit : float, str or quantity
         Of the p-p or rms, rad or with a unit.
     kind : str
@@ -349,7 +349,9 @@ def cost_front(
 
 def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
     """Nothing: a stack knows what its tolerances cost.  Of before, until the next version."""
-    warnings.warn("rverror.terms: a stack knows what its tolerances cost; leave it out", DeprecationWarning, 2)
+    warnings.warn(
+        "rverror.tolerances.terms: a stack knows what its tolerances cost; leave it out", DeprecationWarning, 2
+    )
     return {}
 
 

@@ -97,7 +97,7 @@ def allocate_at_load(
     Examples
     --------
     >>> import rverror
-    >>> unit, cost = rverror.Model(rverror.reducer("RV-40E")), rverror.costs.Reciprocal(12.0, 0.005)
+    >>> unit, cost = rverror.Model(rverror.reducer("RV-40E")), rverror.tolerances.cost.Reciprocal(12.0, 0.005)
     >>> cams = [rverror.tolerance("crank.eccentricity", "5 um", cost=cost)]
     >>> limits = [rverror.limit("transmission_error", "30 arcsec", torque="412 N*m")]
     >>> found = allocate_at_load(unit, cams, limits, sample=64, verify=500)

@@ -233,11 +233,11 @@ def virtual_units(
     Parameters
     ----------
     model : Model or Stack
-        A stack, of `rverror.stack`, stands for model, tolerances and how they are asked; the number of units may then
+        A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked; the number of units may then
         stand second.
     tolerances : sequence of Tolerance
     theta, direction, torque, speed
-        As for `rverror.stack`.
+        As for `rverror.tolerances.stack`.
     count : int
         Number of units; `COUNT` where left out.
     seed : int
@@ -285,7 +285,7 @@ def virtual_units(
 
     The same, of what is laid out already:
 
-    >>> same = virtual_units(rverror.stack(unit, cams), 2000)
+    >>> same = virtual_units(rverror.tolerances.stack(unit, cams), 2000)
     >>> bool((same.peak_to_peak == units.peak_to_peak).all())
     True
     """

@@ -12,16 +12,18 @@ from gear_runs import BARE, CAM, OTHER, red
 from rverror.diagnosis.gears.record import TORQUE_SHARE, levelled, records_of
 from rverror.geartrain.torque_over_turn import TorqueWaves
 
-ARM = rverror.GravityArm(mass="20 kg", lever="0.4 m", offset="30 deg")
+ARM = rverror.geartrain.GravityArm(mass="20 kg", lever="0.4 m", offset="30 deg")
 POINTS = 1024
 #: Among them the wave that looks like the windup of a weight.
-FEW = rverror.Policy(keys=("crank.eccentricity", "sensor.encoder_eccentricity"))
+FEW = rverror.diagnosis.Policy(keys=("crank.eccentricity", "sensor.encoder_eccentricity"))
 
 
 def arm_runs(*effects: rverror.Effect) -> list[rverror.Run]:
     """Of a unit of other stiffness than declared; the sensor reads 1 % too much, and has noise."""
     model, runs = rverror.Model(OTHER, effects), []
-    for number, run in enumerate(rverror.simulate_runs(model, torques=(ARM,), points=POINTS, method="equilibrium")):
+    for number, run in enumerate(
+        rverror.runs.simulate_runs(model, torques=(ARM,), points=POINTS, method="equilibrium")
+    ):
         assert run.output_angle is not None
         assert run.load_column is not None
         rng = np.random.default_rng(number)
@@ -60,7 +62,7 @@ def test_what_a_torque_sensor_leaves_open_is_windup_by_the_torsion_curve() -> No
     assert isinstance(record.torque, TorqueWaves)
     peak = record.torque.peak
     assert peak == pytest.approx(1.01 * 20e-3 * 400 * 9806.65, rel=0.01)  # m l g, read 1 % too high
-    half, most = rverror.torsion_curve(BARE, [0.0], torques=[peak / 2, peak]).angle[:, 0]
+    half, most = rverror.statics.torsion_curve(BARE, [0.0], torques=[peak / 2, peak]).angle[:, 0]
     assert record.windup == pytest.approx(TORQUE_SHARE * peak * abs(most - half) / (peak / 2), rel=0.02)
 
 

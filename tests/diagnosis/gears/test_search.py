@@ -474,18 +474,18 @@ def test_a_profile_is_named_without_its_twins() -> None:
 # --- a new source -----------------------------------------------------------------------------------------------------
 
 
-def bores_off_the_axis(contacts: Contacts) -> rverror.ErrorVector:
+def bores_off_the_axis(contacts: Contacts) -> rverror.geartrain.ErrorVector:
     """All bores of a carrier whose bearings run about another axis, fixed in the carrier."""
     cos, sin = np.cos(contacts.theta), np.sin(contacts.theta)
     across = np.stack([np.stack([cos, sin]), np.stack([-sin, cos])])
-    return rverror.ErrorVector(contact="carrier", vector=-across[:, None])
+    return rverror.geartrain.ErrorVector(contact="carrier", vector=-across[:, None])
 
 
 def written(starts: tuple[tuple[float, ...], ...]) -> Source:
     """The source as its author would enter it, but for its starts."""
-    return rverror.Source(
+    return rverror.geartrain.Source(
         "coupling.bores_off_the_axis", bores_off_the_axis, (),
-        (rverror.Parameter("x", "length", 0.05), rverror.Parameter("y", "length", 0.05)),
+        (rverror.geartrain.Parameter("x", "length", 0.05), rverror.geartrain.Parameter("y", "length", 0.05)),
         "carrier", lambda mechanism, indices: (), "a test", "bores about another axis than the bearings",
         starts=starts,
     )  # fmt: skip
@@ -495,7 +495,7 @@ def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_
     """Its forces cancel while the discs balance: twice the error makes four times the wave, of either sign."""
     keys, found = ("coupling.bores_off_the_axis", CAM.key, PLANET.key), {}
     for starts in ((), around(0.17)):
-        with rverror.extended(written(starts)):
+        with rverror.model.extended(written(starts)):
             true = Effect(keys[0], {}, (-6e-3, 5e-3))
             fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
             search = search_of(fit, keys, budget=1000)

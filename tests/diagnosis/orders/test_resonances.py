@@ -226,7 +226,7 @@ def test_the_reducer_of_ratio_81_has_one_natural_frequency() -> None:
     Order 240 stands at a gap of the table, 1200 rpm is missing: it is foretold 5 % below its largest value, and alone
     it would be at 56 Hz.
     """
-    table = rverror.load_orders(recording("rv-81to1", "speeds-forward-25degC.csv"))
+    table = rverror.runs.load_orders(recording("rv-81to1", "speeds-forward-25degC.csv"))
     (found,) = resonances_of(table.cases, ratio=81.0, policy=POLICY)
     assert found.orders == (156.0, 162.0, 240.0)
     assert 51.0 < found.frequency < 52.5

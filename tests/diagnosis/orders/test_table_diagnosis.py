@@ -135,7 +135,7 @@ def test_shares_of_an_order_make_one_and_name_the_chain(found: rverror.Diagnosis
 def test_a_table_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
     """At loads between, with other noise: the declared model leaves all, the result hardly more than the noise."""
     unseen = table_of(Model(OTHER, (CAM, HEAD)), loads=(90e3, 250e3), seed=5)
-    held = rverror.validated(found, [unseen]).validation[0]
+    held = rverror.diagnosis.validated(found, [unseen]).validation[0]
     assert held.before == pytest.approx(found.before.rms, rel=0.05)
     assert held.after < 2 * found.noise_rms
     assert np.hypot.reduce(held.after_by_order) == pytest.approx(held.after, rel=1e-9)
@@ -146,7 +146,7 @@ def test_a_run_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
     model = Model(OTHER, (CAM, HEAD))
     error = predict(model, Conditions(theta, 1.0, 90e3)).transmission_error
     run = rverror.run_from_arrays(input_angle=49 * theta, te=error + 3e-4, torque=90e3, direction="forward")
-    held = rverror.validated(found, [run]).validation[0]
+    held = rverror.diagnosis.validated(found, [run]).validation[0]
     assert held.after < 0.05 * held.before
 
 
@@ -344,7 +344,7 @@ def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: 
     rverror.save_model(model, Model(UNIT))
     seen, unseen = tmp_path / "seen.csv", tmp_path / "unseen.csv"
     for path, loads, seed in ((seen, SEEN, 0), (unseen, (90e3,), 1)):
-        rverror.write_orders(path, table_of(Model(OTHER, (HEAD,)), loads=loads, seed=seed))
+        rverror.runs.write_orders(path, table_of(Model(OTHER, (HEAD,)), loads=loads, seed=seed))
     picture = tmp_path / "picture.png"
     command = ["diagnose", model, seen, "--validate", unseen, "--json", told, "--report", page, "--plot", picture]
     assert main([str(word) for word in command]) == 0
@@ -365,7 +365,7 @@ def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: 
 @pytest.fixture(scope="module")
 def measured() -> rverror.Diagnosis:
     """Of the reducer that others measured, from every second of its loads, which say the same of it."""
-    table = rverror.load_orders(recording("rv-81to1", "loads-100rpm-25degC.csv"))
+    table = rverror.runs.load_orders(recording("rv-81to1", "loads-100rpm-25degC.csv"))
     loads = sorted({case.condition.torque or 0.0 for case in table.cases})[::2]
     seen = tuple(case for case in table.cases if case.condition.torque in loads)
     return rverror.diagnose(rverror.load_model(EXAMPLE), [replace(table, cases=seen)])
@@ -383,7 +383,7 @@ def test_a_measured_reducer_s_order_1_is_one_cause_with_two_numbers(measured: rv
 def test_a_measured_reducer_is_foretold_at_another_temperature(measured: rverror.Diagnosis) -> None:
     """The same unit repeats to 1.2 arcsec; half of the power of all orders but the first is claimed by causes."""
     table = rverror.load_run(recording("rv-81to1", "loads-100rpm-30degC.csv"))
-    held = rverror.validated(measured, [table]).validation[0]
+    held = rverror.diagnosis.validated(measured, [table]).validation[0]
     assert np.hypot.reduce(held.after_by_order[1:]) < 1.5 * ARCSEC
     power = [(one.amplitude**2, one) for one in measured.shares if one.order > 1]
     named = sum(size * (one.parts + one.compliance + one.measuring_chain) for size, one in power)

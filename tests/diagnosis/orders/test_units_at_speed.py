@@ -11,10 +11,10 @@ import pytest
 import rverror
 from at_speed import CAM, RING, RPM, at_speed, with_load
 from gear_runs import red
-from rverror import SpeedResponse
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
+from rverror.dynamics import SpeedResponse
 from rverror.model.effects import Model
 from rverror.runs.order_table import OrderTable
 
@@ -75,7 +75,8 @@ def responses() -> dict[float, SpeedResponse]:
     """A wave of two at the pins, fourteen speeds each way."""
     speeds = [f"{n} rpm" for n in RPM]
     return {
-        way: rverror.speed_response(with_load(RING), speeds, torque=100e3, kept=2, direction=way) for way in (1.0, -1.0)
+        way: rverror.dynamics.speed_response(with_load(RING), speeds, torque=100e3, kept=2, direction=way)
+        for way in (1.0, -1.0)
     }
 
 
@@ -122,7 +123,7 @@ def test_runs_of_several_speeds_tell_what_their_table_tells(responses: dict[floa
     assert any(note.startswith("near a critical speed: ") for note in found.notes)
     assert any("order_table_from_runs" in note and "1 of 14" in note for note in found.notes)
     assert len(found.traces) == 1
-    table = rverror.order_table_from_runs([*runs[1.0], *runs[-1.0]], unit, (40, 78, 156, 200))
+    table = rverror.runs.order_table_from_runs([*runs[1.0], *runs[-1.0]], unit, (40, 78, 156, 200))
     low, value, high = ring_of(rverror.diagnose(Model(unit), [table], policy=RULES))
     assert low <= 6.0 <= high
     assert value == pytest.approx(6.0, abs=0.5)

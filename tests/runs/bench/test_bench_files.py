@@ -13,15 +13,12 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from nptdms import ChannelObject
 
 from bench_files import INPUT, OUTPUT, RATIO, TE, THETA, TIME, N, hdf5, mat, tdms
 from rverror.base.errors import InputError
-from rverror.runs.bench import columns as bench_columns
-from rverror.runs.bench import hdf5 as bench_hdf5
-from rverror.runs.bench import text as bench_text
+from rverror.runs.bench import columns as bench_columns, hdf5 as bench_hdf5, text as bench_text
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, run_text

@@ -11,8 +11,9 @@ import pytest
 
 import rverror
 from remedy import REMEDY
-from rverror import ARCSEC, Run, load_run, write_run
+from rverror import ARCSEC, Run, load_run
 from rverror.base.errors import InputError
+from rverror.runs import write_run
 from rverror.runs.integration import integrated, without_line
 from rverror.runs.reading import Reading
 

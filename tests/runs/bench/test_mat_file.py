@@ -13,8 +13,7 @@ import pytest
 import scipy
 import scipy.io
 import scipy.sparse
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from rverror.runs.bench import mat_file
 from rverror.runs.bench.mat import open_mat

@@ -14,10 +14,11 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from remedy import REMEDY
-from rverror import Model, effect, load_orders, load_run, reducer, save_model
+from rverror import Model, effect, load_run, reducer, save_model
 from rverror.app.command_line import main
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
+from rverror.runs import load_orders
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.bench.unit_words import unit_scale

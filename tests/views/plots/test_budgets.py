@@ -8,19 +8,9 @@ import numpy as np
 import pytest
 
 from drawn import legend, line
-from rverror import (
-    Allocation,
-    ErrorBudget,
-    InputError,
-    Model,
-    allocate,
-    cost_front,
-    error_budget,
-    reducer,
-    stack,
-    tolerance,
-)
+from rverror import InputError, Model, allocate, error_budget, reducer, tolerance
 from rverror.base.units import ARCSEC
+from rverror.tolerances import Allocation, ErrorBudget, cost_front, stack
 from rverror.tolerances.allocation import FrontPoint
 from rverror.tolerances.cost import Reciprocal
 

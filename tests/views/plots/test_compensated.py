@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from every_kind import HOSTILE, compensation
-from rverror import Correction, InputError, OrderTable
+from rverror import InputError
+from rverror.compensation import Correction
+from rverror.runs import OrderTable
 
 
 def test_orders_before_and_after() -> None:

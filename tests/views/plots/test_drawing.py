@@ -25,37 +25,31 @@ from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_
 from every_kind import compensation, drive_lot, every_kind, lot, matched, runs_compared, trend
 from pages import DOCS
 from rverror import (
-    Bench,
     Diagnosis,
     Drive,
-    Equilibrium,
-    Friction,
     InputError,
     Model,
     Run,
-    WearCoefficients,
     allocate,
     effect,
     equilibrium,
     error_budget,
-    hysteresis,
     influence,
     limit,
-    modes,
-    orders_from_arrays,
     reducer,
     run_from_arrays,
-    run_up,
-    speed_response,
-    stack,
     tolerance,
-    torsion_curve,
     transmission_error,
-    wear,
 )
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
 from rverror.diagnosis.result import Trace
+from rverror.dynamics import modes, run_up, speed_response
+from rverror.geartrain import Friction
+from rverror.model import Bench, Equilibrium
+from rverror.runs import orders_from_arrays
+from rverror.statics import WearCoefficients, hysteresis, torsion_curve, wear
+from rverror.tolerances import stack
 from rverror.tolerances.cost import Reciprocal
 from rverror.views.plots.drawing import (
     PICTURES,

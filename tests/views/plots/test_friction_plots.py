@@ -11,19 +11,9 @@ import pytest
 
 from drawn import legend, line, overlapping_texts, units_missing
 from every_kind import FRICTION, MODEL, every_kind
-from rverror import (
-    ARCSEC,
-    ContactPressure,
-    Efficiency,
-    Friction,
-    Hysteresis,
-    InputError,
-    Model,
-    efficiency,
-    hysteresis,
-    lost_motion,
-    reducer,
-)
+from rverror import ARCSEC, InputError, Model, lost_motion, reducer
+from rverror.geartrain import Friction
+from rverror.statics import ContactPressure, Efficiency, Hysteresis, efficiency, hysteresis
 
 UNIT = Model(reducer("RV-40E"))
 

@@ -9,7 +9,9 @@ import pytest
 from matplotlib.axes import Axes
 
 from drawn import alike_in_grey, line, overlapping_texts
-from rverror import Bench, InputError, Model, Modes, effect, modes, reducer
+from rverror import InputError, Model, effect, reducer
+from rverror.dynamics import Modes, modes
+from rverror.model import Bench
 
 UNIT = reducer("RV-40E")
 BENCH = Bench(

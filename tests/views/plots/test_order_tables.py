@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 
 from drawn import alike_in_grey, legend, overlapping_texts, units_missing
 from recordings import recording
-from rverror import InputError, OrderTable, load_orders, orders_from_arrays
+from rverror import InputError
 from rverror.base.units import ARCSEC
+from rverror.runs import OrderTable, load_orders, orders_from_arrays
 
 
 def table(**changes: Any) -> OrderTable:

@@ -16,10 +16,11 @@ from matplotlib.figure import Figure
 
 from drawn import legend, line, luminance, overlapping_texts, stems
 from every_kind import compensation, diagnosis
-from rverror import InputError, Model, draw, effect, equilibrium, new_figure, reducer, run_from_arrays
+from rverror import InputError, Model, draw, effect, equilibrium, reducer, run_from_arrays
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Trace
 from rverror.tolerances.closed_form import Budget, WorstCase
+from rverror.views import new_figure
 from rverror.views.plots.budgets import cost_against_limit
 from rverror.views.plots.figure import (
     COLUMNS,
@@ -63,7 +64,9 @@ def test_a_cell_that_ends_with_a_plot_shows_its_picture(shell: Any) -> None:
     """Axes that pyplot made are shown by it at the end of the cell: these are words here, so no picture comes twice."""
     shell.push({"unit": MODEL})
     assert shown(shell, "unit.plot()")["image/png"][:4] == b"\x89PNG"
-    both = shown(shell, "import rverror; figure, axes = rverror.new_figure(2); unit.plot(axes[0]); unit.plot(axes[1])")
+    both = shown(
+        shell, "import rverror; figure, axes = rverror.views.new_figure(2); unit.plot(axes[0]); unit.plot(axes[1])"
+    )
     assert both["image/png"] == to_bytes(shell.user_ns["figure"], "png")
     assert shown(shell, "figure")["image/png"] == both["image/png"]
     assert shown(shell, "ax = unit.plot()") == {}
@@ -337,7 +340,7 @@ def test_a_perfect_fit_does_not_hide_what_was_measured() -> None:
 
 
 def test_no_cost_is_drawn_where_no_limit_is_met() -> None:
-    from rverror import FrontPoint
+    from rverror.tolerances import FrontPoint
 
     missed = tuple(FrontPoint(limit * ARCSEC, None, "too tight") for limit in (10.0, 5.0))
     ax = cost_against_limit(missed)

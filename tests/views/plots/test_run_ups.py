@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from drawn import legend, line
-from rverror import ARCSEC, Bench, Model, RunUp, reducer, run_up
+from rverror import ARCSEC, Model, reducer
+from rverror.dynamics import RunUp, run_up
+from rverror.model import Bench
 
 MODEL = Model(reducer("RV-40E"), bench=Bench(load_inertia="20 kg*m^2"))
 

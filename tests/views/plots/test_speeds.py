@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from drawn import alike_in_grey, legend, line, overlapping_texts
-from rverror import Bench, InputError, Model, SpeedResponse, effect, reducer, speed_response
+from rverror import InputError, Model, effect, reducer
 from rverror.base.units import ARCSEC
+from rverror.dynamics import SpeedResponse, speed_response
+from rverror.model import Bench
 
 RPM = np.pi / 30
 MODEL = Model(

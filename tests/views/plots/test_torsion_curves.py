@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drawn import legend, line
-from rverror import InputError, Model, TorsionCurve, lost_motion, reducer, torsion_curve
+from rverror import InputError, Model, lost_motion, reducer
 from rverror.base.units import ARCSEC
+from rverror.statics import TorsionCurve, torsion_curve
 
 MODEL = Model(reducer("RV-40E"))
 SHARES = (-1.0, -0.03, 0.0, 0.03, 1.0)

@@ -107,7 +107,7 @@ def resonances_of_runs(
         notes.append(
             f"runs differ in speed: causes are looked for in the slowest of each direction, load and temperature, "
             f"{len(slow)} of {len(every)}, to which the natural frequency adds least; a table of all runs "
-            "(rverror.order_table_from_runs) takes off what it adds"
+            "(rverror.runs.order_table_from_runs) takes off what it adds"
         )
     return found, tuple(notes), slow
 

@@ -90,7 +90,7 @@ def order_map(
     --------
     >>> import rverror
     >>> unit = rverror.Model(rverror.reducer("RV-40E"))
-    >>> runs = rverror.simulate_runs(unit, torques=("20 N*m", "40 N*m"), points=512, noise="1 arcsec", seed=1)
+    >>> runs = rverror.runs.simulate_runs(unit, torques=("20 N*m", "40 N*m"), points=512, noise="1 arcsec", seed=1)
     >>> order_map(runs, ratio=unit, highest=50).get_xlabel()
     'order, per output turn'
     """
