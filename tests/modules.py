@@ -12,6 +12,7 @@ from typing import Any
 import grimp
 
 import rverror
+from rverror.base import lazy
 
 PACKAGE = Path(rverror.__file__).parent
 
@@ -29,6 +30,14 @@ TREES = {
 MODULES = sorted(TREES)
 #: All that can be imported without anything being run.
 IMPORTABLE = [name for name in MODULES if name != "rverror.__main__"]
+
+
+#: Rooms that have public names, as they stand after `rverror.`.
+ROOMS = lazy.modules("rverror")
+#: Every public name with its room: `equilibrium` is `rverror.statics.equilibrium`, on top as well or not.
+PUBLIC = {
+    name: f"rverror.{room}.{name}" for room in ROOMS for name in importlib.import_module(f"rverror.{room}").__all__
+}
 
 
 @functools.cache

@@ -1,6 +1,6 @@
 """What the site does beyond plain pages: formulas as MathML, pictures of the catalogue, the API's names, notebooks.
 
-The pages are plain Markdown that also reads well where code is hosted.  A comment such as ``<!-- public names -->``
+The pages are plain Markdown that also reads well where code is hosted.  A comment such as ``<!-- picture: NAME -->``
 marks the place at which the site has more; Sphinx gets the page with that written out.
 """
 
@@ -164,37 +164,38 @@ def short_types(
     return signature and short(signature), returns and short(returns)
 
 
-def public_names() -> str:
-    """Table of the names that `import rverror` gives, each with a link and its first sentence."""
+def public_names(package: str) -> str:
+    """Table of the names that a package gives, each with a link and its first sentence."""
     lines = ["| name | |", "| --- | --- |"]
-    for name in rverror.__all__:
+    for name in dir(importlib.import_module(package)):
         if name.startswith("__"):
             continue
-        full, sentence = described(name)
-        lines.append(f"| {{py:obj}}`rverror.{name} <{full}>` | {sentence} |")
+        full, sentence = described(package, name)
+        if full != f"rverror.{name}":  # no room: the page lists those with their purposes
+            lines.append(f"| {{py:obj}}`{package}.{name} <{full}>` | {sentence} |")
     return "\n".join(lines)
 
 
-def described(name: str) -> tuple[str, str]:
+def described(package: str, name: str) -> tuple[str, str]:
     """Full name under which a public name is described, and the first sentence of what is said of it."""
-    thing = getattr(rverror, name)
+    thing = getattr(importlib.import_module(package), name)
     if inspect.ismodule(thing):
         return thing.__name__, (inspect.getdoc(thing) or "").partition("\n")[0].removesuffix(".")
     if inspect.isclass(thing) or inspect.isfunction(thing):
         text = (inspect.getdoc(thing) or "").replace("\n", " ")
         return f"{thing.__module__}.{name}", re.split(r"\.(?:\s|$)", text, maxsplit=1)[0].replace("`", "")
-    for module in modules():
+    for module in modules():  # a constant
         said = ModuleAnalyzer.for_module(module).find_attr_docs().get(("", name))
         if said and getattr(importlib.import_module(module), name) is thing:
             return f"{module}.{name}", said[0].removesuffix(".")
-    raise LookupError(f"rverror.{name}: no `#:` comment says what it is")
+    raise LookupError(f"{package}.{name}: no `#:` comment says what it is")
 
 
 def write_out(app: Sphinx, docname: str, source: list[str]) -> None:
     """Give Sphinx the page with what only the site has."""
     text = catalogue() if docname == "catalogue" else source[0]
     text = re.sub(r"<!-- modules: (.+) -->", lambda found: modules_of(found[1]), text)
-    text = re.sub(r"<!-- public names -->", lambda _: public_names(), text)
+    text = re.sub(r"<!-- public names: (.+) -->", lambda found: public_names(found[1]), text)
     text = re.sub(r"<!-- picture: (.+) -->", lambda found: raw(picture(found[1])), text)
     # notebooks are pages here; other examples are files
     text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/notebooks/([\w-]+)\.py\)", rf"](\1notebooks/\2{NOTEBOOK})", text)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rverror
-from modules import named
+from modules import PUBLIC, named
 from pages import DOCS, text
 from rverror.app.command_line import main
 from rverror.base.arrays import cross, dot, radial_and_tangential
@@ -149,8 +149,9 @@ def test_symbols_stand_where_the_nomenclature_says(symbol, rest):
     found = re.compile(before + re.escape(symbol) + r"(?![a-zA-Z])")
     target = re.fullmatch(r"\[.+\]\((.+)\)", name)[1]
     assert any(found.search(formula) for formula in formulas(DOCS / target)), f"{symbol} is not in {target}"
-    thing = rverror
-    for part in python.strip("`").removeprefix("rverror.").split("."):
+    first, *path = python.strip("`").split(".")
+    thing = named(PUBLIC.get(first, first))
+    for part in path:
         assert hasattr(thing, part) or part in thing.__dataclass_fields__, python
         thing = getattr(thing, part, None)
 

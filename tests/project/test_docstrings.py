@@ -9,8 +9,7 @@ from collections.abc import Iterator
 import pytest
 from numpydoc.validate import validate
 
-import rverror
-from modules import IMPORTABLE
+from modules import IMPORTABLE, PUBLIC, named
 
 #: What must hold of everything public: sections known and in order, parameters those of the signature.
 EVERYWHERE = {"GL06", "GL07", "GL08", "PR02", "PR03", "PR05", "PR06", "SS01"}
@@ -64,9 +63,7 @@ WITHOUT = {
     "Source": "docs/adding-an-effect.md",
     "compare": "needs the files of another tool; docs/test-your-tool.md",
     "UnitError": "what `unit_error` gives",
-    "costs": "a module",
     "diagnose_folder": "starts processes; tests/app/test_batch.py",
-    "distributions": "a module",
     "draft_mapping": "the notebook on a bench's files drafts one",
     "load_mapping": "the notebook on a bench's files writes one",
     "load_orders": "the page on a bench's files reads one",
@@ -80,7 +77,6 @@ WITHOUT = {
     "Matched": "as `match`",
     "trend": "takes a quarter of a minute; tests/life/test_over_life.py",
     "Trend": "as `trend`",
-    "__version__": "a string",
     "tolerances_as_made": "of a lot; the notebook on lots goes on from it",
     "read_case": "needs the files of a case; docs/test-your-tool.md",
     "write_orders": "the page on a bench's files writes one",
@@ -112,9 +108,9 @@ def test_docstrings_keep_to_the_signature(module: str) -> None:
         assert not wrong, f"{name}: {wrong}"
 
 
-@pytest.mark.parametrize("name", rverror.__all__)
+@pytest.mark.parametrize("name", PUBLIC)
 def test_public_functions_describe_every_parameter(name: str) -> None:
-    thing = getattr(rverror, name)
+    thing = named(PUBLIC[name])
     if inspect.isfunction(thing):
         errors = validate(f"{thing.__module__}.{name}")["errors"]
         returns = inspect.signature(thing).return_annotation not in (None, "None")
@@ -122,7 +118,7 @@ def test_public_functions_describe_every_parameter(name: str) -> None:
         assert not wrong, f"{name}: {wrong}"
 
 
-@pytest.mark.parametrize("name", rverror.__all__)
+@pytest.mark.parametrize("name", PUBLIC)
 def test_public_names_have_an_example(name: str) -> None:
-    shown = ">>>" in (inspect.getdoc(getattr(rverror, SHOWN_BY.get(name, name))) or "")
+    shown = ">>>" in (inspect.getdoc(named(PUBLIC[SHOWN_BY.get(name, name)])) or "")
     assert shown != (name in WITHOUT), f"{name}: give an example, or say in WITHOUT why there is none"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import pydoc
 import re
 import subprocess
 import sys
@@ -11,18 +12,10 @@ from pathlib import Path
 import pytest
 
 import rverror
+from modules import PUBLIC, ROOMS, named
+from rverror.base import lazy
 
 ROOT = Path(__file__).parents[2]
-#: Names that were given before the package had rooms: scripts rely on them.
-LONG_GIVEN = """
-    CATALOGUE Allocation Budget Diagnosis Drive Effect Equilibrium ErrorBudget InputError Linearisation Model
-    Reducer Run Stack Stiffness Tolerance TorsionCurve VirtualUnits __version__ allocate
-    append_effects backlash budget cost_front diagnose diagnose_folder
-    effect equilibrium error_budget influence linearise load_model load_run load_tolerances lost_motion reducer
-    run_from_arrays save_model save_widths simulate simulate_runs stack to_json to_pandas to_text to_xarray
-    tolerance torsion_curve torsional_stiffness transmission_error transmission_error_by_effect virtual_units
-    write_run
-"""
 SHOWN = sorted((ROOT / "examples").rglob("*.py"))
 
 
@@ -31,23 +24,54 @@ def run(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_names_that_were_given_once_are_given_still() -> None:
-    assert set(LONG_GIVEN.split()) <= set(rverror.__all__)
-
-
-@pytest.mark.parametrize("name", ["allocation_json", "allocation_text", "budget_json", "budget_text"])
-def test_a_former_name_says_what_took_its_place(name: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"rverror.{name} is rverror.to_"):
-        former = getattr(rverror, name)
-    assert former in (rverror.to_json, rverror.to_text)
-    assert name not in rverror.__all__
-
-
-def test_names_are_listed_and_others_are_refused() -> None:
-    assert dir(rverror) == sorted(rverror.__all__)
-    assert all(hasattr(rverror, name) for name in rverror.__all__)
+def test_names_on_top_are_few() -> None:
+    assert len(rverror.__all__) <= 40
+    assert set(dir(rverror)) == set(rverror.__all__) | set(ROOMS)
+    for name in set(rverror.__all__) - {"__version__"}:
+        assert getattr(rverror, name) is named(PUBLIC[name])
     with pytest.raises(AttributeError, match="module 'rverror' has no attribute 'diagnoze'"):
         rverror.diagnoze  # noqa: B018
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_gives_its_own_names(room: str) -> None:
+    """Of its own modules: a name has one home.  That each can be loaded and has an example, other tests say."""
+    package = getattr(rverror, room)
+    assert set(dir(package)) >= set(package.__all__)
+    for name in package.__all__:
+        module, _ = lazy.places(package.__name__)[name]
+        assert module.startswith(f"rverror.{room}.")
+        assert PUBLIC[name] == f"rverror.{room}.{name}"
+    with pytest.raises(AttributeError, match=f"module 'rverror.{room}' has no attribute 'diagnoze'"):
+        package.diagnoze  # noqa: B018
+
+
+FORMER = {name: place for name, place in PUBLIC.items() if name not in rverror.__all__} | {
+    "costs": "rverror.tolerances.cost",
+    "distributions": "rverror.tolerances.distribution",
+    "allocation_json": "rverror.to_json",
+    "allocation_text": "rverror.to_text",
+    "budget_json": "rverror.to_json",
+    "budget_text": "rverror.to_text",
+}
+
+
+@pytest.mark.parametrize("name", FORMER)
+def test_a_former_name_says_where_it_is_now(name: str) -> None:
+    with pytest.warns(DeprecationWarning, match=rf"rverror\.{name} is {re.escape(FORMER[name])} now") as told:
+        former = getattr(rverror, name)
+    assert former is named(FORMER[name])
+    assert told[0].filename == __file__
+    assert name not in dir(rverror)
+
+
+def test_help_and_stars_have_every_name() -> None:
+    for package in (rverror, *(getattr(rverror, room) for room in ROOMS)):
+        page = pydoc.plaintext.document(package)
+        assert all(re.search(rf"\b{name}\b", page) for name in set(package.__all__) - {"__version__"})
+        given: dict[str, object] = {}
+        exec(f"from {package.__name__} import *", given)
+        assert set(package.__all__) <= set(given)
 
 
 def test_what_is_slow_or_rare_is_loaded_when_it_is_asked_for() -> None:
@@ -75,19 +99,6 @@ def test_a_program_loads_what_it_asks_for() -> None:
     assert run(code).split("\n") == ["base geartrain model", "2", "rverror.tolerances.cost"]
 
 
-def test_type_checkers_are_told_of_every_name_that_comes_late() -> None:
-    tree = ast.parse(Path(rverror.__file__).read_text(encoding="utf-8"))
-    (block,) = (node for node in tree.body if isinstance(node, ast.If))
-    told = {
-        alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in block.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    held = {name: f"rverror.{module}.{name}" for name, module in rverror._LATER.items()}
-    assert told == held | {name: f"rverror.{module}" for name, module in rverror._LATER_MODULES.items()}
-
-
 def test_results_of_the_lowest_rooms_can_be_shown() -> None:
     """Base knows no views: the door, which every import passes, tells it of them."""
     code = "from rverror.geartrain.mechanism import reducer; print(reducer('RV-40E')._repr_html_()[:26])"
@@ -105,5 +116,6 @@ def imported(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("path", SHOWN, ids=lambda path: path.name)
-def test_examples_need_the_door_alone(path: Path) -> None:
-    assert {name for name in imported(path) if name.partition(".")[0] == "rverror"} <= {"rverror"}
+def test_examples_need_public_names_alone(path: Path) -> None:
+    given = {"rverror", *(f"rverror.{room}" for room in ROOMS)}
+    assert {name for name in imported(path) if name.partition(".")[0] == "rverror"} <= given

@@ -16,7 +16,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import rverror
-from modules import IMPORTABLE, TREES
+from modules import IMPORTABLE, PUBLIC, ROOMS, TREES, named
 from pages import ROOT
 from rverror.model.catalogue import CATALOGUE
 
@@ -228,19 +228,24 @@ def test_what_is_wide_scrolls_in_its_own_box(built: Path, pages: dict[str, Page]
 def test_every_public_name_is_listed_and_described(pages: dict[str, Page]) -> None:
     index = pages["api/index.html"]
     described = {name: page for page in pages.values() for name in page.ids if re.match(r"(module-)?rverror\.", name)}
-    for name in rverror.__all__:
-        if name.startswith("__"):
-            continue
-        thing = getattr(rverror, name)
+    for name, public_name in PUBLIC.items():
+        room = public_name.split(".")[1]
+        thing = named(public_name)
         if inspect.isclass(thing) or inspect.isfunction(thing):
             full = f"{thing.__module__}.{name}"
-        elif inspect.ismodule(thing):
-            full = f"module-{thing.__name__}"
         else:  # a constant, described where it is defined
             (full,) = [entry for entry in described if entry.endswith(f".{name}")]
         assert full in described, full
-        assert any(link.endswith(f"#{full}") for link in index.links), full
-        assert f">rverror.{name}<" in index.path.read_text(encoding="utf-8")
+        listing = [(pages[f"api/{room}.html"], public_name)]
+        listing += [(index, f"rverror.{name}")] if name in rverror.__all__ else []
+        for page, written in listing:
+            assert any(link.endswith(f"#{full}") for link in page.links), full
+            assert f">{written}<" in page.path.read_text(encoding="utf-8")
+
+
+def test_the_names_of_a_first_program_stand_on_one_screen(pages: dict[str, Page]) -> None:
+    text = pages["api/index.html"].path.read_text(encoding="utf-8")
+    assert len(re.findall(r">rverror\.\w+<", text)) - len(ROOMS) <= 40
 
 
 def public(module: str) -> Iterator[str]:
