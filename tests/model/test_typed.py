@@ -103,11 +103,19 @@ def test_methods_are_the_functions() -> None:
     np.testing.assert_array_equal(MODEL.transmission_error(theta), rverror.transmission_error(MODEL, theta))
     asked, given = MODEL.equilibrium(torque, theta), rverror.equilibrium(MODEL, theta, torque=torque)
     np.testing.assert_array_equal(asked.transmission_error, given.transmission_error)
-    asked_one = MODEL.influence("cycloid.pin_position", theta, pin=3, direction=-1)
+    asked_one = MODEL.influence(theta, "cycloid.pin_position", pin=3, direction=-1)
     given_one = rverror.influence(UNIT, theta, "cycloid.pin_position", pin=3, direction=-1)
     np.testing.assert_array_equal(asked_one.matrix, given_one.matrix)
     reverse = MODEL.equilibrium(torque, theta, direction=-1).transmission_error
     assert (reverse > asked.transmission_error).all()  # the load resists: it lags backwards
+
+
+def test_the_former_order_of_an_influence_is_told_and_understood() -> None:
+    now = MODEL.influence([0.1, 0.2], "crank.index", crank=0)
+    with pytest.warns(DeprecationWarning, match=r"model\.influence\(theta, key\) now") as told:
+        former = MODEL.influence("crank.index", [0.1, 0.2], crank=0)
+    assert told[0].filename == __file__
+    np.testing.assert_array_equal(former.matrix, now.matrix)
 
 
 def test_a_model_and_an_effect_make_a_new_model() -> None:
@@ -126,7 +134,7 @@ def test_angles_left_out_are_a_turn_that_holds_the_highest_order() -> None:
     np.testing.assert_allclose(np.diff(theta), 2 * math.pi / theta.size, rtol=1e-9)
     assert theta[-1] + theta[1] == pytest.approx(2 * math.pi)
     assert MODEL.transmission_error().shape == theta.shape
-    assert MODEL.influence("crank.index", crank=0).theta.shape == theta.shape
+    assert MODEL.influence(key="crank.index", crank=0).theta.shape == theta.shape
     # an effect of a higher order asks for more
     fast = rverror.Model(UNIT) + rverror.effect("empirical.order", frame="sun", harmonic=25, cos="1 arcsec")
     assert fast.angles.size >= 2 * OVERSAMPLING * 25 * 120

@@ -190,7 +190,7 @@ def test_what_is_mistaken_is_told(name: str, tmp_path: Path, monkeypatch: pytest
         (lambda: rverror.transmission_error(UNIT, THETA), r"write Model\(unit\)"),
         (lambda: rverror.influence(UNIT, THETA, EFFECT), "give a key of the catalogue"),
         (lambda: rverror.influence(THETA, UNIT, "crank.index", crank=0), r"give reducer\('RV-40E'\)"),
-        (lambda: rverror.influence(MODEL, THETA, "crank.index", crank=0), r"model\.influence\(key\)"),
+        (lambda: rverror.influence(MODEL, THETA, "crank.index", crank=0), r"model\.influence\(theta, key\)"),
         (lambda: rverror.save_model(MODEL, "unit.toml"), "give the path of a file first"),
         (lambda: rverror.error_budget(MODEL, "tolerances.toml"), r"give load_tolerances\(path\)"),
         (lambda: rverror.diagnose(MODEL, RUN), "give a list of runs"),

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import cast
+
+#: Version in which former names and forms that still work come to their end.
+FORMER_UNTIL = "0.2.0"
 
 
 class InputError(ValueError):
     """Input that cannot be used, in one line: what, where, the bound, the remedy."""
+
+
+def warn_former(former: str, now: str) -> None:
+    """Warn the caller of a function of a former name or form of a call, which still works.
+
+    Parameters
+    ----------
+    former, now : str
+        As users write it, and as they shall.
+
+    Warns
+    -----
+    DeprecationWarning
+    """
+    text = f"{former} is {now} now; write that: the old form ends with version {FORMER_UNTIL}"
+    warnings.warn(text, DeprecationWarning, stacklevel=3)
 
 
 def check_kind(name: str, value: object, kind: type | tuple[type, ...], remedy: str) -> None:

@@ -10,13 +10,11 @@ import ast
 import functools
 import pkgutil
 import sys
-import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
-#: Version in which the names that `moved` still finds come to their end.
-FORMER_UNTIL = "0.2.0"
+from rverror.base.errors import warn_former
 
 
 @functools.cache
@@ -121,8 +119,7 @@ def moved(package: str, name: str, *, renamed: Mapping[str, str]) -> Any:
     now = renamed.get(name) or next((f"{module}.{name}" for module in homes), None)
     if now is None:
         return found(package, name)
-    text = f"{package}.{name} is {package}.{now} now; write that: the old name ends with version {FORMER_UNTIL}"
-    warnings.warn(text, DeprecationWarning, stacklevel=2)
+    warn_former(f"{package}.{name}", f"{package}.{now}")
     return functools.reduce(getattr, now.split("."), sys.modules[package])
 
 

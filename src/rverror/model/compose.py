@@ -83,7 +83,7 @@ def influence(
 
 
 def _check_mechanism(mechanism: Mechanism) -> None:
-    remedy = "give reducer('RV-40E'), model.mechanism, or ask model.influence(key)"
+    remedy = "give reducer('RV-40E'), model.mechanism, or ask model.influence(theta, key)"
     check_kind("mechanism", mechanism, (Reducer, Drive), remedy)
 
 

@@ -10,14 +10,14 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import check_kind
+from rverror.base.errors import check_kind, warn_former
 from rverror.base.numbers import with_unit
 from rverror.base.text import describe
 from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
-from rverror.model.catalogue import source
+from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.ends import Bench, Encoders
 from rverror.model.results import Equilibrium, Influence, equilibrium_of, error_of, influence_on
 
@@ -92,7 +92,7 @@ class Model(Viewed):
     It is asked by its methods, of one output turn where no angles are given, and grows by effects:
 
     >>> worn = unit + effect("coupling.bearing_clearance", clearance="3 um")
-    >>> unit.transmission_error().shape, worn.influence("crank.index", "30 deg", crank=1).matrix.shape
+    >>> unit.transmission_error().shape, worn.influence("30 deg", "crank.index", crank=1).matrix.shape
     ((4096,), (1, 1))
     >>> worn.equilibrium("78 Nm", theta=[0.0, 0.1]).theta.size
     2
@@ -165,8 +165,8 @@ class Model(Viewed):
 
     def influence(
         self,
-        key: str,
         theta: Any | None = None,
+        key: Any = None,
         *,
         direction: Any | None = None,
         time: Any | None = None,
@@ -177,10 +177,10 @@ class Model(Viewed):
 
         Parameters
         ----------
-        key : str
-            A key of the catalogue.
         theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
             Nominal output angle, rad; one output turn where left out.
+        key : str
+            A key of the catalogue.
         direction, time, torque : optional
             As in `rverror.influence`.
         **indices
@@ -189,7 +189,17 @@ class Model(Viewed):
         Returns
         -------
         Influence
+
+        Examples
+        --------
+        >>> import rverror
+        >>> unit = Model(rverror.reducer("RV-40E"))
+        >>> unit.influence([0.0, 0.1], "crank.index", crank=0).matrix.shape
+        (1, 2)
         """
+        if isinstance(theta, str) and theta in CATALOGUE:
+            warn_former("model.influence(key, theta)", "model.influence(theta, key)")
+            theta, key = key, theta
         return influence_on(self, theta, key, direction=direction, time=time, torque=torque, **indices)
 
     def equilibrium(
