@@ -133,7 +133,7 @@ def test_pose_refuses_what_is_no_row(theta: object) -> None:
 
 @pytest.mark.parametrize("direction", [0, 2, [1.0, 0.5], float("nan")])
 def test_pose_refuses_a_direction_that_is_none(direction: object) -> None:
-    with pytest.raises(ValueError, match=r"direction must be \+1 \(forward\) or -1 \(reverse\)"):
+    with pytest.raises(ValueError, match=r"must be 'forward' or 'reverse', \+1 or -1"):
         pose(UNIT, [0.0, 1.0], direction=direction)
 
 

@@ -71,8 +71,8 @@ def test_an_equilibrium_without_a_torque_is_that_of_the_rated_one_or_refused() -
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"direction": 0.0}, "direction must be"),
-        ({"direction": np.full(9, 2.0)}, "direction must be"),
+        ({"direction": 0.0}, "direction = 0.0: must be"),
+        ({"direction": np.full(9, 2.0)}, "direction = 2.0: must be"),
         ({"direction": np.ones(3)}, "direction has the shape"),
         ({"theta": np.append(THETA[1:], np.nan)}, "must be finite"),
         ({"theta": THETA[None]}, "theta has the shape"),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rverror.app.terminal import add_command, check_output, flag, option, output, say_replaced, tell, write_output
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
 from rverror.model.effects import Model
@@ -76,7 +77,7 @@ def _parts(options: argparse.Namespace) -> None:
 
 
 def _tell_error(unit: Model) -> None:
-    for word, direction in (("forward", 1.0), ("reverse", -1.0)):
+    for word, direction in DIRECTIONS.items():
         error = unit_error(unit, direction=direction)
         size, low, high = (with_unit(value, "angle") for value in (error.peak_to_peak, *error.interval))
         print(f"transmission error {word}: {size} peak-to-peak, 95 % interval {low} to {high} (closed form)")

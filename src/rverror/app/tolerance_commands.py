@@ -157,7 +157,7 @@ def _budget(options: argparse.Namespace) -> None:
         found = error_budget(
             model,
             tolerances,
-            direction=_direction(options),
+            direction=options.direction,
             torque=_load_of_speed(options, speed) or max((one.largest for one in limits), default=None) or None,
             speed=speed,
             count=count,
@@ -216,7 +216,7 @@ def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tu
             model,
             tolerances,
             limits_of(options, model),
-            direction=_direction(options),
+            direction=options.direction,
             verify=count,
             seed=options.seed,
             progress=progress,
@@ -243,7 +243,7 @@ def _allocated_in_closed_form(
         front = cost_front(
             model,
             tolerances,
-            direction=_direction(options),
+            direction=options.direction,
             torque=_load_of_speed(options, speed),
             speed=speed,
             limits=[limit * factor for factor in factors],
@@ -312,10 +312,6 @@ def _inputs(options: argparse.Namespace) -> tuple[Model, tuple[Tolerance, ...]]:
 
 def _progress(options: argparse.Namespace) -> Progress:
     return Progress(terminal_only=not options.progress)
-
-
-def _direction(options: argparse.Namespace) -> float:
-    return 1.0 if options.direction == "forward" else -1.0
 
 
 def _speed(options: argparse.Namespace) -> float | None:

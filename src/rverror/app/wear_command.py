@@ -25,7 +25,6 @@ from rverror.base.text import did_you_mean
 from rverror.model.model_file import load_model
 from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearCoefficients, wear
 
-_DIRECTIONS = {"both": None, "forward": 1.0, "reverse": -1.0}
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
 
 
@@ -68,7 +67,7 @@ def add_commands(commands: Any) -> None:
             ),
             **WIDTHS,
             "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
-            "--direction": choice(_DIRECTIONS, "both", "direction of the duty (default both)"),
+            "--direction": choice(("both", *DIRECTIONS), "both", "direction of the duty (default both)"),
             **results(plot="error and lost motion over the hours"),
             "--save": option("NEW.toml", "write the model of the worn unit"),
         },
@@ -87,7 +86,7 @@ def _wear(options: argparse.Namespace) -> None:
             disc_width=options.disc_width,
             gear_width=options.gear_width,
             pins=options.pins,
-            direction=_DIRECTIONS[options.direction],
+            direction=None if options.direction == "both" else options.direction,
         )
     write_results(found, options, found.plot)
     save_model(options, found.effects)

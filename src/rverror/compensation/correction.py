@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.model.compensation import WAVE, order_index
@@ -198,8 +199,9 @@ class Correction:
             if z
         )
 
-    def condition(self, direction: float, torque: float | None = None) -> TableCondition:
+    def condition(self, direction: Direction, torque: float | None = None) -> TableCondition:
         """Condition in a direction at a load; of those for which it was made the middle one, where left out."""
+        direction = direction_sign(direction)
         at = [case.condition for case in self.table.cases if case.condition.direction == direction]
         at = at or [case.condition for case in self.table.cases]
         if torque is None:

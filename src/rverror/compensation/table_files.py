@@ -13,6 +13,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import PathLike, read_text, shown, split_lines, write_text
@@ -359,7 +360,7 @@ def _case(entry: Mapping[str, Any]) -> OrderCase:
     }
     waves = entry["waves"]
     return OrderCase(
-        condition=TableCondition(direction={"forward": 1.0, "reverse": -1.0}[entry["direction"]], **known),
+        condition=TableCondition(direction=DIRECTIONS[entry["direction"]], **known),
         orders=np.array([float(w["order"]) for w in waves]),
         waves=np.array([complex(w["cos_arcsec"], -w["sin_arcsec"]) for w in waves], dtype=np.complex128) * ARCSEC,
     )

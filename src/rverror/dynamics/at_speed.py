@@ -12,6 +12,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
 from rverror.dynamics.loaded_motion import ReducedMotion
@@ -233,7 +234,7 @@ def speed_response(
     speeds: Any,
     *,
     torque: Any | None = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     kept: int | None = None,
     by_effect: bool = False,
 ) -> SpeedResponse:
@@ -247,8 +248,7 @@ def speed_response(
         Of the input, rad/s, 0 or more; a list may hold strings such as ``"100 rpm"``.
     torque : float or quantity, optional
         Size of the output torque, N*mm, that resists the motion; the rated torque where left out.
-    direction : float
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1
     kept : int, optional
         How many modes of the mean stiffness keep their inertia; where left out those up to two and a half times the
         highest frequency that the meshes drive.
@@ -283,7 +283,7 @@ def speed_response(
     True
     """
     check_model(model)
-    rows = _speeds(speeds)
+    rows, direction = _speeds(speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
     pulling = _Pulling(moving, made.solutions)
@@ -320,7 +320,7 @@ def influences_at_speed(
     effects: Sequence[Effect],
     *,
     torque: Any | None = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
 ) -> InfluencesAtSpeed:
     """Output error of a reducer at an input speed, and how it changes with sizes of errors there.
 
@@ -362,7 +362,7 @@ def influences_at_speed(
     if rows.size > 1:
         raise InputError("speed: give one")
     own = float(rows[0])
-    made = moving_reducer(model, torque=torque, direction=direction, fastest=own, causes=effects)
+    made = moving_reducer(model, torque=torque, direction=direction_sign(direction), fastest=own, causes=effects)
     still = made.where.read
     nominal = made.error(made.motion.every_share, own) + added(model.effects, still)
     shares = made.shares(effects)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.viewed import Viewed
 from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
 from rverror.geartrain.contacts import pose
@@ -71,7 +72,7 @@ class Modes(Viewed):
     model: Model
 
 
-def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: float = 1.0) -> Modes:
+def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: Direction = "forward") -> Modes:
     """Natural modes of a reducer about its loaded state at one angle.
 
     Parameters
@@ -82,8 +83,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
         Size of the output torque, N*mm; the rated torque where left out.  0 is the limit of a vanishing load.
     theta : float or quantity
         Nominal output angle, rad.
-    direction : float
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1
 
     Returns
     -------
@@ -110,6 +110,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     True
     """
     check_model(model)
+    direction = direction_sign(direction)
     unit, size = loaded_reducer(model, torque)
     angle = units.to_core(theta, "angle")
     train = Train(unit, model.bench)

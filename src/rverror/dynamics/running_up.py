@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
@@ -87,7 +88,7 @@ def run_up(
     speeds: Any,
     *,
     torque: Any | None = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     smooth: bool = True,
     kept: int | None = None,
     samples: int | None = None,
@@ -104,8 +105,7 @@ def run_up(
         Of the input then, rad/s, 0 or more: what is prescribed is the input side of ``[bench]``, before its control.
     torque : float or array_like or quantity, shape (k,), optional
         Size of the output torque, N*mm, that resists the motion, one or then; the rated torque where left out.
-    direction : float
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1
     smooth : bool
         Whether speed and torque go over by 3 s^2 - 2 s^3, the STEP function of multibody programs, or straight.
     kept : int, optional
@@ -144,6 +144,7 @@ def run_up(
     True
     """
     check_model(model)
+    direction = direction_sign(direction)
     profile = _profile(model, times, speeds, torque=torque, direction=direction, smooth=smooth)
     load = units.InCore(profile.reference)
     unit, size = loaded_reducer(model, load)

@@ -13,6 +13,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import unit_vectors
+from rverror.base.directions import direction_signs
 from rverror.geartrain.action_line import ContactForces, Contacts
 from rverror.geartrain.coupling import carrier_forces
 from rverror.geartrain.crank import cam_forces, spline_torque
@@ -46,8 +47,8 @@ def pose(
     mechanism : Reducer or Drive
     theta : array_like or quantity, shape (n,), or Conditions
         Nominal output angle, rad; or the conditions of a run, which say all of the following too.
-    direction : float or array_like, optional
-        +1 forward, -1 reverse, one value or one per sample; read from the angles where left out.
+    direction : {"forward", "reverse"} or +1 or -1, or array_like of them, optional
+        One for all samples, or one for each; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Time of each sample, s.
     torque : float or quantity, optional
@@ -63,7 +64,7 @@ def pose(
     Raises
     ------
     ValueError
-        If the angles are not a row of finite numbers or the direction is neither +1 nor -1.
+        If the angles are not a row of finite numbers or the direction is no direction.
     """
     if isinstance(theta, Conditions):
         if not direction is time is torque is load is None:
@@ -118,9 +119,7 @@ def _checked(
     angle = np.atleast_1d(units.to_core_array(theta, "angle"))
     if angle.ndim != 1 or angle.size == 0:
         raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
-    sense = motion_direction(angle) if direction is None else np.asarray(direction, dtype=np.float64)
-    if not np.isin(sense, (-1.0, 1.0)).all():
-        raise ValueError("direction must be +1 (forward) or -1 (reverse)")
+    sense = motion_direction(angle) if direction is None else direction_signs(direction)
     clock = None if time is None else units.to_core_array(time, "time")
     if load is not None:
         if torque is not None:

@@ -41,8 +41,8 @@ def influence(
         angles of one output turn that hold the orders of mechanism and source.
     key : str
         A key of the catalogue.
-    direction : float or array_like, optional
-        +1 forward, -1 reverse; read from the angles where left out.
+    direction : {"forward", "reverse"} or +1 or -1, or array_like of them, optional
+        Read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Needed by ``sensor.time_offset``.
     torque : float, quantity, array_like or callable, optional

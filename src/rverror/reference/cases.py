@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import in_arcsec, rounded, way
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
@@ -478,7 +479,7 @@ def read_case(path: PathLike) -> StoredCase:
             name=str(content["name"]),
             version=str(content["version"]),
             ratio=float(model["ratio"]),
-            direction={"forward": 1.0, "reverse": -1.0}[content["direction"]],
+            direction=DIRECTIONS[content["direction"]],
             turns=turns,
             arrays=arrays,
         )

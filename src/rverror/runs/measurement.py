@@ -36,8 +36,8 @@ from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
     COLUMN_NAME,
     COLUMNS,
-    DIRECTIONS,
     HEADER_KEYS,
+    STATED,
     OfFile,
     Reading,
     checked_value,
@@ -377,7 +377,7 @@ def run_from_arrays(
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
         refuse("", f"the columns differ in length ({listed}); give all the same number of samples")
-    stated = DIRECTIONS.get(direction) if isinstance(direction, str) else float(direction)
+    stated = STATED.get(direction) if isinstance(direction, str) else float(direction)
     if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
         refuse("", f"direction = {shown(direction)}: must be 'forward', 'reverse', 'mixed', +1 or -1")
     reading = Reading(

@@ -16,6 +16,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, did_you_mean, shown, split_lines, write_text
@@ -241,9 +242,9 @@ def _directions(text: TextTable, names: list[str], cells: Sequence[Sequence[str]
 
 
 def _direction(path: str, where: str, word: Any) -> float:
-    value = _DIRECTIONS.get(word.strip().lower()) if isinstance(word, str) else word
+    value = DIRECTIONS.get(word.strip().lower()) if isinstance(word, str) else word
     if isinstance(value, (bool, str)) or value not in (1, -1):
-        hint = did_you_mean(word, _DIRECTIONS) if isinstance(word, str) else ""
+        hint = did_you_mean(word, DIRECTIONS) if isinstance(word, str) else ""
         remedy = "must be forward or reverse" if isinstance(word, str) else "must be 'forward', 'reverse', +1 or -1"
         _refuse(path, f"{where}: direction = {shown(word)}: {remedy};{hint or ' write one of them'}")
     return float(value)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown, some
 
@@ -59,7 +60,7 @@ ORDER_EXAMPLES = {
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
 #: What may be stated of the direction.
-DIRECTIONS = {"forward": 1.0, "reverse": -1.0, "mixed": 0.0}
+STATED = {**DIRECTIONS, "mixed": 0.0}
 #: Name of a column, with its unit in brackets or without.
 COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
 _TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)

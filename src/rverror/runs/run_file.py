@@ -9,9 +9,9 @@ from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.checks import LEAST_SAMPLES
 from rverror.runs.reading import (
     COLUMNS,
-    DIRECTIONS,
     EXAMPLES,
     HEADER_KEYS,
+    STATED,
     Reading,
     check_needed,
     checked_value,
@@ -76,13 +76,13 @@ def _stated_direction(text: TextTable) -> float | None:
     if "direction" not in text.header:
         return None
     stated = text.header["direction"]
-    if stated.value.lower() not in DIRECTIONS:
-        hint = did_you_mean(stated.value, DIRECTIONS)
+    if stated.value.lower() not in STATED:
+        hint = did_you_mean(stated.value, STATED)
         text.refuse(
             f"line {stated.line}: direction = {shown(stated.value)}: must be forward, reverse or mixed;"
             f"{hint or ' use one'}"
         )
-    return DIRECTIONS[stated.value.lower()]
+    return STATED[stated.value.lower()]
 
 
 def _numbers(text: TextTable, width: int) -> Array:

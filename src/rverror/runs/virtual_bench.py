@@ -17,6 +17,7 @@ import scipy
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import shown
@@ -53,7 +54,7 @@ def simulate(
     revolutions: int = 1,
     torque: Any | None = None,
     method: str = "closed",
-    direction: float = 1.0,
+    direction: Direction = "forward",
     noise: Any | None = None,
     correlation: Any | None = None,
     input_counts: int | None = None,
@@ -76,8 +77,7 @@ def simulate(
         a column: positive where it resists forward motion.
     method : {"closed", "equilibrium"}
         Closed form, or the loaded equilibrium.
-    direction : float
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1
     noise : float or quantity, optional
         rms of the noise on the transmission error, plain numbers rad.
     correlation : float or quantity, optional
@@ -130,7 +130,7 @@ def simulate(
 def simulate_runs(
     model: Model,
     *,
-    directions: Sequence[float] = (1.0, -1.0),
+    directions: Sequence[Direction] = ("forward", "reverse"),
     torques: Sequence[Any] = (),
     points: int | None = None,
     revolutions: int = 1,
@@ -147,8 +147,7 @@ def simulate_runs(
     Parameters
     ----------
     model : Model
-    directions : sequence of float
-        +1 forward, -1 reverse.
+    directions : sequence of {"forward", "reverse"} or +1 or -1
     torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
     points, revolutions, method, noise, correlation, input_counts, output_counts, seed, speed : optional
@@ -207,10 +206,8 @@ def simulate_runs(
             raise InputError("method = equilibrium: a [drive] has no geometry; use --method closed")
         if None in sizes:
             raise InputError("method = equilibrium: needs a torque; give one, e.g. --torque '20 N*m'")
-    for direction in directions:
-        if direction not in (1.0, -1.0):
-            raise InputError(f"direction = {direction!r}: must be +1 (forward) or -1 (reverse)")
-    conditions = [(direction, size) for size in sizes for direction in directions]
+    senses = [direction_sign(direction) for direction in directions]
+    conditions = [(sense, size) for size in sizes for sense in senses]
     labels = [run_label(*condition) for condition in conditions]
     if twice := [label for i, label in enumerate(labels) if label in labels[:i]]:
         raise InputError(f"{twice[0]}: this run is asked for twice; give each torque and direction once")

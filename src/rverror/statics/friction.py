@@ -130,8 +130,8 @@ def efficiency(
         Size of the output torque, N*mm: against the motion where the input drives, along it where the output does.
     friction : Friction, optional
         The reducer's own where left out.
-    direction : float or array_like, optional
-        Of the motion: +1 forward, -1 reverse; read from the angles where left out.
+    direction : {"forward", "reverse"} or +1 or -1, or array_like of them, optional
+        Of the motion; read from the angles where left out.
     drives : {"input", "output"}
         From where the power comes.
     method : {"equilibrium", "closed"}

@@ -107,8 +107,8 @@ def equilibrium(
         of a trace of load.  Or the torque at each angle, or a function of the angle such as a `GravityArm`: signed,
         positive where it resists forward motion, whatever the direction; below 0 in forward motion it drives, and
         the other side carries.  Where it is 0 the side of the motion does, as the limit.
-    direction : float or array_like, optional
-        +1 forward, -1 reverse; read from the angles where left out.
+    direction : {"forward", "reverse"} or +1 or -1, or array_like of them, optional
+        Read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Needed by ``sensor.time_offset``.
 

@@ -28,6 +28,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
@@ -231,7 +232,7 @@ def wear(
     gear_width: Any,
     running_in: Mapping[str, RunningIn] | None = None,
     pins: str = "fixed",
-    direction: float | None = None,
+    direction: Direction | None = None,
 ) -> Wear:
     """Wear of pins, discs, gear flanks and joints over a duty, and the error and lost motion that come of it.
 
@@ -254,8 +255,8 @@ def wear(
         Of ``"disc"``, ``"pin"``, ``"sun"``, ``"planet"``; what is left out is smooth from the first.
     pins : {"fixed", "turning"}
         Fixed pins wear each at its own patch, turning ones evenly all around.
-    direction : float, optional
-        +1 forward, -1 reverse; where left out each for half of the hours.
+    direction : {"forward", "reverse"} or +1 or -1, optional
+        Where left out each for half of the hours.
 
     Returns
     -------
@@ -301,8 +302,6 @@ def wear(
     unit = reducer_of(model.mechanism, "wear")
     if pins not in PINS:
         raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")
-    if direction not in (None, 1, -1):
-        raise ValueError(f"direction = {direction!r}: must be +1 (forward), -1 (reverse), or left out for both")
     if (duty is None) == (torque is None) or (speed is None) != (torque is None):
         raise ValueError("give torque and speed, or a duty of DutyPhase in place of both")
     if duty is None:
@@ -321,7 +320,7 @@ def wear(
         raise ValueError(f"running_in: no body {bad[0]!r}; give one of {', '.join(BODIES)}")
     errors = felt(model.effects)
     alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in errors)
-    sides = (1.0, -1.0) if direction is None else (float(direction),)
+    sides = (1.0, -1.0) if direction is None else (direction_sign(direction),)
     wearing = _Wearing(
         reducer=unit,
         by=coefficients,

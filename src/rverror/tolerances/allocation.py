@@ -18,6 +18,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError, check_each
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
@@ -208,7 +209,7 @@ def allocate(
     tolerances: Sequence[Tolerance] | None = None,
     theta: Any | None = None,
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     torque: Any | None = None,
     speed: Any | None = None,
     limit: Any,

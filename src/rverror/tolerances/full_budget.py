@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike
 from rverror.base.units import InCore
@@ -63,7 +64,7 @@ def error_budget(
     tolerances: Sequence[Tolerance],
     theta: Any | None = None,
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     torque: Any | None = None,
     speed: Any | None = None,
     count: int = COUNT,
@@ -120,6 +121,7 @@ def error_budget(
     >>> found.closed.contributions[0].share
     1.0
     """
+    direction = direction_sign(direction)
     tell = progress or (lambda text: None)
     if torque is not None and speed is None and not limits:
         limits = [limit("transmission_error", torque=torque)]

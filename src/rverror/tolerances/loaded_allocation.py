@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.model.effects import Model
 from rverror.tolerances.allocation import Allocation, closed_form_quantile, described, rates_of, step_of
@@ -50,7 +51,7 @@ def allocate_at_load(
     tolerances: Sequence[Tolerance],
     limits: Sequence[Limit],
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     sample: int = SAMPLE,
     verify: int = COUNT,
     confidence: float = 0.95,
@@ -67,8 +68,8 @@ def allocate_at_load(
         With their costs, bounds and what is fixed.
     limits : sequence of Limit
         Each holds for its share of the units; all of them together for the least of these shares.
-    direction : float
-        +1 forward, -1 reverse: of the transmission error.
+    direction : {"forward", "reverse"} or +1 or -1
+        Of the transmission error.
     sample, verify : int
         Units on which the widths are optimised and, drawn afresh, verified.
     confidence : float

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model
@@ -67,7 +68,7 @@ def loaded_budget(
     closed: Budget,
     linear: VirtualUnits,
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     count: int = COUNT,
     points: int = POINTS,
     seed: int = 0,
@@ -86,8 +87,8 @@ def loaded_budget(
         Of the same tolerances in closed form: whose worst parts are tried.
     linear : VirtualUnits
         Of the closed form, for the yield beside.
-    direction : float
-        +1 forward, -1 reverse: of the transmission error.
+    direction : {"forward", "reverse"} or +1 or -1
+        Of the transmission error.
     count : int
         Units, 16 or more.
     points : int

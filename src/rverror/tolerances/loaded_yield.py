@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
@@ -112,7 +113,7 @@ class Verified(OneLine):
 
 
 def loaded_units(
-    model: Model, tolerances: Sequence[Tolerance], limits: Sequence[Limit], *, direction: float = 1.0
+    model: Model, tolerances: Sequence[Tolerance], limits: Sequence[Limit], *, direction: Direction = "forward"
 ) -> LoadedUnits:
     """Make a model and its tolerances ready to be solved at the loads of limits.
 
@@ -122,8 +123,8 @@ def loaded_units(
         Of a reducer.
     tolerances : sequence of Tolerance
     limits : sequence of Limit
-    direction : float
-        +1 forward, -1 reverse: of the transmission error.
+    direction : {"forward", "reverse"} or +1 or -1
+        Of the transmission error.
 
     Returns
     -------
@@ -138,7 +139,7 @@ def loaded_units(
     read = check_limits(limits, model.mechanism)
     laid = stack(model, tolerances, direction=direction, torque=InCore(max(one.largest for one in read)) or None)
     means = [tolerances[e].mean.get(c.parameter, 0.0) for c, e in zip(laid.components, laid.entry, strict=True)]
-    return LoadedUnits(model, laid, np.array(means), read, direction)
+    return LoadedUnits(model, laid, np.array(means), read, direction_sign(direction))
 
 
 def standard_draws(laid: Stack, count: int, *, seed: int, stream: int) -> Array:

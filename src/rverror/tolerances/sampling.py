@@ -22,6 +22,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, write_bytes
 from rverror.base.units import named_core
@@ -217,7 +218,7 @@ def virtual_units(
     tolerances: Sequence[Tolerance] | int | None = None,
     theta: Any | None = None,
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     torque: Any | None = None,
     speed: Any | None = None,
     count: int | None = None,
@@ -233,8 +234,8 @@ def virtual_units(
     Parameters
     ----------
     model : Model or Stack
-        A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked; the number of units may then
-        stand second.
+        A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked; the number of
+        units may then stand second.
     tolerances : sequence of Tolerance
     theta, direction, torque, speed
         As for `rverror.tolerances.stack`.

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
@@ -153,7 +154,7 @@ def stack(
     tolerances: Sequence[Tolerance],
     theta: Any = None,
     *,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     torque: Any = None,
     speed: Any = None,
 ) -> Stack:
@@ -165,8 +166,7 @@ def stack(
     tolerances : sequence of Tolerance
     theta : array_like or quantity, shape (n,), optional
         Nominal output angle, rad; `ANGLES` over one revolution where left out.
-    direction : float, optional
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1, optional
     torque : float or quantity, optional
         Needed by ``load.torsion``; at a speed the load, the rated one where left out.
     speed : float or quantity, optional
@@ -195,6 +195,7 @@ def stack(
     check_tolerances(tolerances)
     if not tolerances:
         raise InputError("no tolerance; give at least one")
+    direction = direction_sign(direction)
     if speed is None:
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
@@ -258,7 +259,9 @@ def stack(
     )
 
 
-def laid_out(model: Model | Stack, tolerances: Any, theta: Any, *, direction: float, torque: Any, speed: Any) -> Stack:
+def laid_out(
+    model: Model | Stack, tolerances: Any, theta: Any, *, direction: Direction, torque: Any, speed: Any
+) -> Stack:
     """Stack of a model and its tolerances, or the one that was given in their place.
 
     Raises
@@ -269,7 +272,7 @@ def laid_out(model: Model | Stack, tolerances: Any, theta: Any, *, direction: fl
     if not isinstance(model, Stack):
         return stack(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
     beside = {"tolerances": tolerances, "theta": theta, "torque": torque, "speed": speed}
-    for name, value in {**beside, "direction": None if direction == 1.0 else direction}.items():
+    for name, value in {**beside, "direction": None if direction_sign(direction) > 0 else direction}.items():
         if value is not None:
             raise InputError(f"{name} beside a stack, which says it itself; leave it out, or give model and tolerances")
     return model

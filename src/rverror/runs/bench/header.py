@@ -11,7 +11,7 @@ from rverror.base.arrays import Array
 from rverror.base.text import did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
 from rverror.runs.bench.mapping import BenchMapping, HeaderRule
-from rverror.runs.reading import DIRECTIONS, HEADER_KEYS, ORDER_CONDITIONS, Header, checked_value
+from rverror.runs.reading import HEADER_KEYS, ORDER_CONDITIONS, STATED, Header, checked_value
 
 _MOST_LISTED = 8
 
@@ -35,13 +35,13 @@ def read_header(
     """
     texts, places = header_texts(file, mapping, measured, notes)
     direction = texts.get("direction", "").lower()
-    if "direction" in texts and direction not in DIRECTIONS:
+    if "direction" in texts and direction not in STATED:
         file.refuse(
             f"{places['direction']}: direction = {shown(texts['direction'])}: must be forward, reverse or mixed; "
             "without it the angles tell"
         )
     return Header(
-        stated=DIRECTIONS[direction] if direction else None,
+        stated=STATED[direction] if direction else None,
         stated_at=f"{places['direction']}: " if direction else "",
         torque=header_quantity(file, "output_torque", texts, places),
         temperature=header_quantity(file, "temperature", texts, places),

@@ -17,12 +17,12 @@ from rverror.runs.reading import (
     BENCH_EXAMPLES,
     COLUMN_NAME,
     COLUMNS,
-    DIRECTIONS,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
     ORDER_EXAMPLES,
     SPEEDS,
+    STATED,
 )
 
 _TOP = ("name", "file", "columns", "orders", "header", "keep")
@@ -547,8 +547,8 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
     text = toml.string(("header",), toml.content["header"], key, "").strip()
     if dimension:
         toml.quantity(place, text, dimension, example)
-    elif key == "direction" and text.lower() not in DIRECTIONS:
-        hint = did_you_mean(text, DIRECTIONS)
+    elif key == "direction" and text.lower() not in STATED:
+        hint = did_you_mean(text, STATED)
         toml.refuse(place, f"direction = {shown(text)}: must be forward, reverse or mixed;{hint} without it the angles "
                            "tell")  # fmt: skip
     elif key == "direction" and not of_run and text.lower() == "mixed":

@@ -17,7 +17,7 @@ from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_fi
 from rverror.runs.bench.header import header_quantity, header_texts, unknown_word
 from rverror.runs.bench.mapping import BenchMapping, DirectionRule
 from rverror.runs.bench.values import core_values
-from rverror.runs.reading import DIRECTIONS, ORDER_COLUMNS, ORDER_CONDITIONS, OrderRows, listed, refuse
+from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, STATED, OrderRows, listed, refuse
 
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")
@@ -137,7 +137,7 @@ def _of_sizes(rows: OrderRows) -> OrderRows:
 
 
 def _stated_direction(path: str, at: str, text: str) -> float:
-    value = DIRECTIONS.get(text.strip().lower(), 0.0)
+    value = STATED.get(text.strip().lower(), 0.0)
     if not value:
         refuse(path, f"{at}: direction = {shown(text)}: must be forward or reverse; write forward = \"...\" and "
                      'reverse = "..." beside its property')  # fmt: skip
@@ -149,8 +149,8 @@ def _direction(file: BenchFile, rule: DirectionRule, where: str, word: str) -> f
     if rule.words:
         if word.strip().lower() not in rule.words:
             file.refuse(f"{where}: direction = {shown(word)}: {unknown_word(rule.words, at)}")
-        return DIRECTIONS[rule.words[word.strip().lower()]]
-    number = DIRECTIONS.get(word.strip().lower()) or file.parse(word)
+        return STATED[rule.words[word.strip().lower()]]
+    number = STATED.get(word.strip().lower()) or file.parse(word)
     if not number or math.isnan(number):
         file.refuse(
             f"{where}: direction = {shown(word)}: must be forward, reverse or a number above or below 0; "

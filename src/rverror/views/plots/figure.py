@@ -17,6 +17,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import direction_signs
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
 
@@ -196,7 +197,7 @@ def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
     else:
         told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
-        told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (np.atleast_1d(direction) == sense).any()))
+        told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
     return told
 
 

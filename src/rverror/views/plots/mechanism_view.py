@@ -11,6 +11,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array, radial_and_tangential, unit_vectors
+from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Compliance, Contacts
@@ -200,7 +201,7 @@ def mechanism(
     model: Model | Reducer,
     *,
     theta: Any = 0.0,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     torque: Any | None = None,
     disc: int | None = None,
     error_scale: float | None = None,
@@ -215,8 +216,7 @@ def mechanism(
     model : Model or Reducer
     theta : float or quantity
         Nominal output angle, rad.
-    direction : float
-        +1 forward, -1 reverse.
+    direction : {"forward", "reverse"} or +1 or -1
     torque : float or quantity, optional
         Output torque, N*mm, at which the forces are those of the equilibrium, contacts that open included.  Where left
         out they are those of the closed form at the rated torque, or at 100 N*m where none is rated.
@@ -249,6 +249,7 @@ def mechanism(
     if disc is not None and not 0 <= disc < unit.discs:
         raise InputError(f"disc = {disc}: this reducer has {unit.discs} discs, counted from 0")
     angle = units.to_core(theta, "angle")
+    direction = direction_sign(direction)
     motion = pose(unit, [angle + whole.index_offset], direction=direction)
     assert isinstance(motion, Contacts)
     forces, load = forces_at(whole, motion, theta=angle, torque=torque)

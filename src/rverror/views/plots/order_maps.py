@@ -14,6 +14,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import way
 from rverror.base.text import file_name
@@ -148,7 +149,7 @@ def model_map(
     model: Model,
     *,
     torques: Sequence[Any] | None = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     points: int = 1024,
     highest: float = _HIGHEST,
     ax: Axes | None = None,
@@ -161,7 +162,7 @@ def model_map(
         Of a reducer.
     torques : sequence of float or quantity, optional
         Sizes of the output torque, N*mm; 5, 10, 25, 50 and 100 % of the rated torque where left out.
-    direction : float
+    direction : {"forward", "reverse"} or +1 or -1
     points : int
         Angles of a turn at which the equilibrium is solved; orders above half of them fold.
     highest : float

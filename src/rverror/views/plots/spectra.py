@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
@@ -113,7 +114,12 @@ def _lines_of_travel(signal: Signal) -> Lines:
 
 
 def model_spectrum(
-    model: Model, *, direction: float = 1.0, torque: Any = None, highest: float | None = None, ax: Axes | None = None
+    model: Model,
+    *,
+    direction: Direction = "forward",
+    torque: Any = None,
+    highest: float | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Order spectrum of a model's transmission error in closed form, with the effects that make its strongest lines.
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.base.text import describe, file_name
@@ -89,7 +90,7 @@ def model_waveform(
     model: Model,
     *,
     theta: Any = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     time: Any = None,
     torque: Any = None,
     most: int | None = None,
@@ -141,7 +142,7 @@ def stacked(
     model: Model,
     *,
     theta: Any = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     time: Any = None,
     torque: Any = None,
     most: int = 5,
@@ -216,7 +217,7 @@ def model_polar(
     model: Model,
     *,
     theta: Any = None,
-    direction: float = 1.0,
+    direction: Direction = "forward",
     time: Any = None,
     torque: Any = None,
     ax: Axes | None = None,
@@ -233,7 +234,7 @@ def model_polar(
     return _polar([("total", parts.theta, parts.rows.sum(axis=0))], title=title, ax=ax)
 
 
-def _title(model: Model, *, torque: Any, direction: float) -> list[str]:
+def _title(model: Model, *, torque: Any, direction: Direction) -> list[str]:
     return [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
 
 
