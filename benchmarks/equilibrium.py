@@ -184,7 +184,7 @@ def worn(model: rverror.Model) -> rverror.statics.Wear:
     return rverror.statics.wear(
         model,
         torque="412 N*m",
-        speed="1815 rpm",
+        input_speed="1815 rpm",
         hours=6000,
         coefficients=rverror.statics.WearCoefficients(**bodies),
         disc_width="9 mm",

@@ -406,7 +406,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
             rverror.statics.wear(
                 MODEL,
                 torque=TORQUE,
-                speed=190.0,
+                input_speed=190.0,
                 hours=[0, 500],
                 coefficients=rverror.statics.WearCoefficients(disc=1e-13, sun=1e-13),
                 disc_width=9.0,

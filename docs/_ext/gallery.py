@@ -72,7 +72,8 @@ lossy = rverror.statics.efficiency(unit, theta[::16], torque="412 N*m", friction
 sizes = (6, 12, 25, 50, 100, 200, 412)
 loop = rverror.statics.hysteresis(unit, theta[:128:16], friction=rubs,
                           torques=[f"{t} N*m" for t in (*(-size for size in sizes[::-1]), 0, *sizes)])
-worn = rverror.statics.wear(unit, torque="412 N*m", speed="1815 rpm", hours=6000, disc_width="9 mm", gear_width="8 mm",
+worn = rverror.statics.wear(unit, torque="412 N*m", input_speed="1815 rpm", hours=6000,
+                    disc_width="9 mm", gear_width="8 mm",
                     coefficients=rverror.statics.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
 
 tolerances = (

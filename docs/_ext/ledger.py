@@ -761,7 +761,7 @@ def _wear_share_row() -> Row:
     found = wear(
         Model(unit),
         torque="142 N*m",
-        speed="1800 rpm",
+        input_speed="1800 rpm",
         hours=[0, 1000],
         coefficients=WearCoefficients(sun="1e-10 mm^3/(N*m)", planet="1e-10 mm^3/(N*m)"),
         disc_width="9 mm",

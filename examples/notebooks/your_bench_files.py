@@ -59,7 +59,7 @@ simulated = rverror.runs.simulate_runs(
     noise="0.3 arcsec",
     correlation="2 deg",
     input_counts=36000,
-    speed="10 deg/s",
+    output_speed="10 deg/s",
     seed=5,
 )
 NAMES = ("forward", "reverse")

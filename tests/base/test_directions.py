@@ -16,7 +16,7 @@ MODEL = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect("cycloid.pin_po
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um")]
 THETA = np.linspace(0, 1, 5)
 WIDTHS = {"disc_width": "9 mm", "gear_width": "8 mm"}
-WEAR = {"torque": "412 N*m", "speed": "1815 rpm", "hours": [0, 1], **WIDTHS}
+WEAR = {"torque": "412 N*m", "input_speed": "1815 rpm", "hours": [0, 1], **WIDTHS}
 SOFT = rverror.statics.WearCoefficients(disc=1e-13)
 
 ASKED: dict[str, Callable[[Any], Any]] = {

@@ -262,7 +262,7 @@ def test_each_effect_is_what_the_error_is_without_it_less(direction: float) -> N
     """While no contact opens; at speeds about the natural frequency of the load."""
     tiny = tuple(replace(one, values=tuple(1e-3 * value for value in one.values)) for one in ERRORS)
     first = modes(Model(UNIT, bench=SWINGING), direction=direction).frequency[0]
-    given = {"speeds": 2 * math.pi * first * UNIT.ratio / 40 * np.array([0.5, 1.0, 1.4]), "direction": direction}
+    given = {"input_speeds": 2 * math.pi * first * UNIT.ratio / 40 * np.array([0.5, 1.0, 1.4]), "direction": direction}
     found = speed_response(Model(UNIT, tiny, bench=SWINGING), by_effect=True, **given)
     assert found.by_effect is not None
     for at in range(len(tiny)):
@@ -404,7 +404,7 @@ def test_contacts_would_have_to_pull_where_the_load_swings_by_more_than_its_torq
 
 def test_speeds_that_are_none_are_refused() -> None:
     for speeds in ([], [-1.0], [[1.0]], ["3 m"], ["fast"]):
-        with pytest.raises(rverror.InputError, match=r"^speeds: "):
+        with pytest.raises(rverror.InputError, match=r"^input_speeds: "):
             speed_response(Model(UNIT), speeds)
     with pytest.raises(rverror.InputError, match=r"dynamics need a \[reducer\] model"):
         speed_response(Model(rverror.Drive(ratio=14.0)), [1.0])

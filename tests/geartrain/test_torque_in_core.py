@@ -23,7 +23,7 @@ RUBBING = rverror.geartrain.Friction(pin=0.05)
 THETA = [0.0, 0.1]
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um")]
 RATED = 412e3
-WEAR = {"speed": "1815 rpm", "hours": [0, 1], "disc_width": "9 mm", "gear_width": "8 mm"}
+WEAR = {"input_speed": "1815 rpm", "hours": [0, 1], "disc_width": "9 mm", "gear_width": "8 mm"}
 
 #: Everything that takes a torque and knows the reducer.
 ASKED: dict[str, Callable[[Any], object]] = {
@@ -33,7 +33,7 @@ ASKED: dict[str, Callable[[Any], object]] = {
     "transmission error": lambda torque: rverror.transmission_error(MODEL, THETA, torque=torque),
     "influence": lambda torque: rverror.influence(UNIT, THETA, "load.torsion", torque=torque),
     "stack": lambda torque: rverror.tolerances.stack(MODEL, CAMS, torque=torque),
-    "stack at speed": lambda torque: rverror.tolerances.stack(PLAIN, CAMS, speed="300 rpm", torque=torque),
+    "stack at speed": lambda torque: rverror.tolerances.stack(PLAIN, CAMS, input_speed="300 rpm", torque=torque),
     "virtual units": lambda torque: rverror.tolerances.virtual_units(PLAIN, CAMS, count=16, torque=torque),
     "torsion curve": lambda torque: rverror.statics.torsion_curve(PLAIN, THETA, torques=[-torque, 0.0, torque]),
     "hysteresis": lambda torque: rverror.statics.hysteresis(PLAIN, [0.0], torques=np.array([torque]), friction=RUBBING),

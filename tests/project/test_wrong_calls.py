@@ -52,7 +52,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
             "running_in": {},
             "free": ["lasting"],
             "torque": 20e3,
-            "speed": 100.0,
+            "input_speed": 100.0,
             "disc_width": 9.0,
             "gear_width": 8.0,
             "direction": 1.0,
@@ -91,7 +91,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
         (MODEL,),
         {
             "torque": 20e3,
-            "speed": 100.0,
+            "input_speed": 100.0,
             "hours": [0, 1],
             "coefficients": rverror.statics.WearCoefficients(disc=1e-13),
             "disc_width": 9.0,

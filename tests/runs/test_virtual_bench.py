@@ -275,7 +275,13 @@ READINGS = {
 @pytest.mark.parametrize("key", READINGS)
 def test_every_sensor_effect_shows_with_its_sign(key: str, method: str, direction: float) -> None:
     parameters, wave = READINGS[key]
-    keywords: dict[str, Any] = {"points": 20, "revolutions": 2, "torque": LOAD, "method": method, "speed": "36 deg/s"}
+    keywords: dict[str, Any] = {
+        "points": 20,
+        "revolutions": 2,
+        "torque": LOAD,
+        "method": method,
+        "output_speed": "36 deg/s",
+    }
     gear = Model(RV40E)
     with_it, without = (
         simulate(m, direction=direction, **keywords) for m in (gear.with_effects(effect(key, **parameters)), gear)
@@ -301,7 +307,7 @@ def test_the_torque_reaches_the_effects_that_need_it(method: str) -> None:
 
 def test_the_speed_gives_the_time(tmp_path: Path) -> None:
     for speed in ("36 deg/s", "6 rpm", "0.1 turn/s", 0.2 * math.pi, pint.UnitRegistry().Quantity(6.0, "rpm")):
-        run = simulate(PERFECT, points=20, revolutions=2, speed=speed)
+        run = simulate(PERFECT, points=20, revolutions=2, output_speed=speed)
         assert run.time == pytest.approx(0.5 * np.arange(40))
         assert run.metadata["speed"] == "36 deg/s"
     write_run(tmp_path / "r.csv", run)
@@ -476,7 +482,7 @@ def test_no_load_is_a_load_of_the_equilibrium() -> None:
 def test_what_is_written_tells_how_it_was_made(tmp_path: Path) -> None:
     run = simulate(
         QUICK, points=32, torque=LOAD, noise="0.3 arcsec", correlation="2 deg", seed=7, input_counts=4096,
-        output_counts=2**20, speed="10 deg/s",
+        output_counts=2**20, output_speed="10 deg/s",
     )  # fmt: skip
     write_run(tmp_path / "r.csv", run)
     back = load_run(tmp_path / "r.csv", QUICK)
@@ -577,13 +583,13 @@ def test_a_run_can_be_written_from_python(tmp_path: Path) -> None:
         (TYPICAL, {"output_counts": -4096}, ("output counts = -4096", "1 to")),
         (TYPICAL, {"output_counts": "many"}, ("output counts = 'many'", "whole number")),
         (WORM, {"input_counts": 10**13}, ("input counts", "1000000000000")),
-        (WORM, {"speed": "10 deg"}, ("speed = '10 deg'", "'10 deg/s'")),
-        (WORM, {"speed": "10 Hz"}, ("speed = '10 Hz'", "'10 deg/s'")),
-        (WORM, {"speed": "10"}, ("speed = '10'", "'10 deg/s'")),
-        (WORM, {"speed": [1.0, 2.0]}, ("speed = [1.0, 2.0]", "'10 deg/s'")),
-        (WORM, {"speed": pint.UnitRegistry().Quantity(5.0, "mm/s")}, ("speed", "'10 deg/s'")),
-        (WORM, {"speed": "0 rpm"}, ("speed = 0 deg/s", "1e-06")),
-        (WORM, {"speed": "-1 rpm"}, ("speed = -6 deg/s", "direction")),
+        (WORM, {"output_speed": "10 deg"}, ("speed = '10 deg'", "'10 deg/s'")),
+        (WORM, {"output_speed": "10 Hz"}, ("speed = '10 Hz'", "'10 deg/s'")),
+        (WORM, {"output_speed": "10"}, ("speed = '10'", "'10 deg/s'")),
+        (WORM, {"output_speed": [1.0, 2.0]}, ("speed = [1.0, 2.0]", "'10 deg/s'")),
+        (WORM, {"output_speed": pint.UnitRegistry().Quantity(5.0, "mm/s")}, ("speed", "'10 deg/s'")),
+        (WORM, {"output_speed": "0 rpm"}, ("speed = 0 deg/s", "1e-06")),
+        (WORM, {"output_speed": "-1 rpm"}, ("speed = -6 deg/s", "direction")),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(model: Model, keywords: dict[str, Any], words: tuple[str, ...]) -> None:

@@ -45,7 +45,7 @@ def test_one_object_or_keywords(name: str, direction: float) -> None:
 
 
 def test_a_run_hands_its_conditions_on() -> None:
-    run = rverror.simulate(MODEL, points=64, direction=-1, torque="20 N*m", speed="10 deg/s")
+    run = rverror.simulate(MODEL, points=64, direction=-1, torque="20 N*m", output_speed="10 deg/s")
     told = run.conditions(MODEL)
     assert told.torque == 20e3
     np.testing.assert_allclose(

@@ -26,7 +26,7 @@ CARRIES = (0.6, 1.8)  # roll angles at which a flank carries well
 def worn(
     by: dict[str, float] | None = None, rough: dict[str, RunningIn] | None = None, hours: Any = HOURS, **more: Any
 ) -> Wear:
-    given = {"torque": TORQUE, "speed": SPEED, "direction": 1.0} | BEARS | more
+    given = {"torque": TORQUE, "input_speed": SPEED, "direction": 1.0} | BEARS | more
     lasting = WearCoefficients(**(by or {"disc": SLIGHT}))
     return wear(NEW, hours=hours, coefficients=lasting, running_in=rough, **given)
 
@@ -113,7 +113,7 @@ def test_a_duty_of_one_phase_is_the_simple_case_and_equal_phases_are_one() -> No
     simple = worn({"disc": 1e-12, "pin": 1e-12})
     for hours in ([7.0], [1.0, 1.0]):
         duty = [DutyPhase(torque=TORQUE, speed=SPEED, hours=h) for h in hours]
-        found = worn({"disc": 1e-12, "pin": 1e-12}, torque=None, speed=None, duty=duty)
+        found = worn({"disc": 1e-12, "pin": 1e-12}, torque=None, input_speed=None, duty=duty)
         np.testing.assert_allclose(found.sizes, simple.sizes, rtol=1e-9, atol=1e-15)
         np.testing.assert_allclose(found.lost_motion, simple.lost_motion, rtol=1e-9)
 
@@ -123,12 +123,12 @@ def test_phases_share_the_hours_in_any_order() -> None:
     heavy, light = (DutyPhase(torque=t, speed=s, hours=h) for t, s, h in ((TORQUE, SPEED, 1), (TORQUE / 4, 300.0, 2)))
     rest = DutyPhase(torque=2 * TORQUE, speed=0, hours=1)  # held, and heavier than all that turns
     found, turned = (
-        worn({"disc": SLIGHT}, torque=None, speed=None, duty=duty)
+        worn({"disc": SLIGHT}, torque=None, input_speed=None, duty=duty)
         for duty in ([heavy, light, rest], [rest, light, heavy])
     )
     np.testing.assert_allclose(found.lobe_depth, turned.lobe_depth, rtol=1e-9, atol=1e-9 * found.lobe_depth.max())
     assert found.peak_to_peak[0] == pytest.approx(worn().peak_to_peak[0])
-    one, other = worn(hours=25.0).lobe_depth[-1], worn(hours=50.0, torque=TORQUE / 4, speed=300.0).lobe_depth[-1]
+    one, other = worn(hours=25.0).lobe_depth[-1], worn(hours=50.0, torque=TORQUE / 4, input_speed=300.0).lobe_depth[-1]
     np.testing.assert_allclose(found.lobe_depth[-1], one + other, rtol=1e-9, atol=1e-9 * one.max())
 
 
@@ -136,14 +136,14 @@ def test_phases_one_after_the_other_are_a_cycle_to_first_order() -> None:
     """A short cycle against its phases in a row, either order: what they differ by is of second order in the depth."""
     by = {"disc": 3e-13}
     phases = [DutyPhase(torque=TORQUE, speed=SPEED), DutyPhase(torque=TORQUE / 2, speed=2 * SPEED)]
-    cycle = worn(by, torque=None, speed=None, duty=phases)
+    cycle = worn(by, torque=None, input_speed=None, duty=phases)
 
     def in_a_row(first: DutyPhase, second: DutyPhase) -> Wear:
-        half = worn(by, torque=first.torque, speed=first.speed, hours=HOURS / 2)
+        half = worn(by, torque=first.torque, input_speed=first.speed, hours=HOURS / 2)
         return wear(
             half.model_at(HOURS / 2),
             torque=second.torque,
-            speed=second.speed,
+            input_speed=second.speed,
             hours=HOURS / 2,
             coefficients=WearCoefficients(**by),
             direction=1.0,
@@ -166,7 +166,7 @@ def test_a_fit_finds_what_a_course_was_made_with() -> None:
         coefficients=WearCoefficients(disc=1e-13),
         running_in={"disc": RunningIn(depth=0.5e-3, coefficient=2e-11)},
         torque=TORQUE,
-        speed=SPEED,
+        input_speed=SPEED,
         direction=1.0,
         **BEARS,
     )
@@ -179,13 +179,13 @@ def test_a_fit_finds_what_a_course_was_made_with() -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: worn(duty=DutyPhase(torque=1e3, speed=1.0)), "give torque and speed, or a duty"),
+        (lambda: worn(duty=DutyPhase(torque=1e3, speed=1.0)), "give torque and input_speed, or a duty"),
         (
-            lambda: worn(torque=None, speed=None, duty=DutyPhase(torque=1e3, speed=0)),
+            lambda: worn(torque=None, input_speed=None, duty=DutyPhase(torque=1e3, speed=0)),
             "no phase both carries and turns; give",
         ),
-        (lambda: worn(torque=None), "give torque and speed, or a duty"),
-        (lambda: worn(torque=None, speed=None, duty=[3]), "give one or several DutyPhase"),
+        (lambda: worn(torque=None), "give torque and input_speed, or a duty"),
+        (lambda: worn(torque=None, input_speed=None, duty=[3]), "give one or several DutyPhase"),
         (lambda: worn(rough={"pni": RunningIn(depth=1e-3, coefficient=1e-11)}), "no body 'pni'; give one of disc"),
         (lambda: worn(rough=RunningIn(depth=1e-3, coefficient=1e-11)), "running_in = .*give a mapping"),  # type: ignore[arg-type]
         (lambda: RunningIn(depth=0, coefficient=1e-11), "depth = 0 mm: must be above 0"),
@@ -213,7 +213,7 @@ def test_the_course_of_the_life_test_is_what_the_page_says() -> None:
     rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
     hours, told = (np.array([float(row[at]) for row in rows]) for at in (0, 2))
     printed = {float(row[0]): float(row[1]) for row in rows if row[1] != "-"}
-    duty = {"torque": TORQUE, "speed": "1815 rpm", **BEARS}
+    duty = {"torque": TORQUE, "input_speed": "1815 rpm", **BEARS}
     fitted = fit_running_in(
         NEW,
         [0, 600, 1550],

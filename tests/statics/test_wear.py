@@ -29,7 +29,7 @@ LOBE = (0.5, 2.0)  # roll angles at which a flank carries well
 
 def worn(model: Model = NEW, hours: Any = (0, 100), direction: float | None = 1.0, **more: Any) -> Wear:
     by = {name: more.pop(name) for name in ("disc", "pin", "sun", "planet") if name in more}
-    duty = {"torque": TORQUE, "speed": SPEED, "disc_width": DISC, "gear_width": GEAR} | more
+    duty = {"torque": TORQUE, "input_speed": SPEED, "disc_width": DISC, "gear_width": GEAR} | more
     return wear(model, hours=hours, coefficients=WearCoefficients(**by), direction=direction, **duty)
 
 
@@ -138,7 +138,7 @@ def test_turning_pins_lose_their_volume_all_around() -> None:
 
 def test_hours_and_coefficient_can_be_interchanged() -> None:
     """So can speed: only their product counts, with all feed-back of wear on the load."""
-    first, second = worn(disc=1e-13, pin=1e-13), worn(hours=[0, 50], speed=SPEED / 4, disc=8e-13, pin=8e-13)
+    first, second = worn(disc=1e-13, pin=1e-13), worn(hours=[0, 50], input_speed=SPEED / 4, disc=8e-13, pin=8e-13)
     np.testing.assert_allclose(first.sizes, second.sizes, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(first.lost_motion, second.lost_motion, rtol=1e-9)
 
@@ -306,7 +306,10 @@ def test_the_table_of_the_page_is_what_it_says() -> None:
     (table,) = re.findall(r"\| hours \| lobe.*?\n\| ---.*?\n(.*?)\n\n", text(DOCS / "theory" / "wear.md"), re.DOTALL)
     rows = np.array([[float(cell) for cell in row.strip("|").split("|")] for row in table.splitlines()])
     found = worn(
-        hours=rows[:, 0], speed="1815 rpm", direction=None, **dict.fromkeys(("disc", "pin", "sun", "planet"), 1e-13)
+        hours=rows[:, 0],
+        input_speed="1815 rpm",
+        direction=None,
+        **dict.fromkeys(("disc", "pin", "sun", "planet"), 1e-13),
     )
     depths = [found.lobe_depth.max(axis=1), found.pin_depth.max(axis=1), *found.thinning.values()]
     np.testing.assert_allclose(rows[:, 1:5], 1e3 * np.transpose(depths), atol=0.0051)
@@ -320,7 +323,7 @@ def test_volume_is_held_on_any_geometry(unit: Reducer) -> None:
     found = wear(
         Model(unit),
         torque=1e-3 * unit.stiffness.pin_contact * unit.pin_circle_radius,
-        speed=100.0,
+        input_speed=100.0,
         hours=[0, 1],
         coefficients=WearCoefficients(disc=SLIGHT, pin=SLIGHT),
         disc_width=DISC,
@@ -347,7 +350,7 @@ def test_coefficients_have_units() -> None:
         ({"disc": 1e-13, "hours": 0}, "hours = 0: must be above 0"),
         ({"disc": 1e-13, "hours": [0, 3, 2]}, "hours = .*: must be above 0, and grow"),
         ({"disc": 1e-13, "torque": 0}, r"torque = 0 N\*m: must be above 0"),
-        ({"disc": 1e-13, "speed": "-3 rpm"}, "speed = -3 rpm: must be above 0"),
+        ({"disc": 1e-13, "input_speed": "-3 rpm"}, "speed = -3 rpm: must be above 0"),
         ({"disc": 1e-13, "pins": "loose"}, "pins = 'loose': must be one of 'fixed', 'turning'"),
         ({"disc": 1e-13, "direction": 2}, "direction = 2: must be"),
         ({"disc": 1e-3}, "mm would be worn off.*give fewer hours or a smaller coefficient"),

@@ -141,7 +141,7 @@ def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
     with pytest.raises(rverror.InputError, match="at each angle under one torque"):
         limit("lost_motion", "60 arcsec", torque=ARM)
     with pytest.raises(rverror.InputError, match="at a speed the load is one for all angles"):
-        rverror.error_budget(model, tolerances, torque=ARM, speed="60 rpm")
+        rverror.error_budget(model, tolerances, torque=ARM, input_speed="60 rpm")
 
 
 def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.tolerances.Tolerance], float, float]:

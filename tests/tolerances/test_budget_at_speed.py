@@ -54,7 +54,7 @@ def by_linearise(
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_at_a_crawl_it_is_the_budget_of_the_loaded_state(direction: float) -> None:
     model = Model(SMALL, (effect("crank.eccentricity", crank=0, disc=0, tangential="5 um"),), bench=SWINGING)
-    made = stack(model, EVERY, torque="100 N*m", direction=direction, speed="0.001 rpm")
+    made = stack(model, EVERY, torque="100 N*m", direction=direction, input_speed="0.001 rpm")
     still = by_linearise(model, EVERY, made, 100e3, direction)
     size = np.abs(still.influence).max(axis=1, keepdims=True)
     assert (np.abs(made.influence - still.influence) <= 1e-6 * size).all()
@@ -74,7 +74,7 @@ def test_with_stiff_bearings_it_is_the_closed_form_at_a_crawl() -> None:
     """
     stiff = Stiffness(crank_bearing=1e9, carrier_bearing=1e9, main_bearing=1e9, gear_mesh=1e9, pin_contact=1e3)
     model, of_gears = Model(variant(SMALL, stiffness=stiff), bench=SWINGING), (*EVERY[1:3], EVERY[4])
-    made = stack(model, of_gears, torque="100 N*m", speed="0.001 rpm")
+    made = stack(model, of_gears, torque="100 N*m", input_speed="0.001 rpm")
     closed = stack(model, of_gears, made.theta)
     size = np.abs(closed.influence).max(axis=1, keepdims=True)
     assert (np.abs(made.influence - closed.influence) <= 1e-4 * size).all()
@@ -96,7 +96,7 @@ RIVALS = (
 def test_near_a_critical_speed_another_tolerance_comes_first(direction: float) -> None:
     """One inertia on one contact: each order grows by the textbook's factor, and the orders' squares add up."""
     model = Model(UNIT, bench=SWINGING)
-    crawl = stack(model, RIVALS, direction=direction, speed="0 rpm")
+    crawl = stack(model, RIVALS, direction=direction, input_speed="0 rpm")
     still = [entry.mean_square for entry in rverror.tolerances.budget(crawl).contributions]
     assert still[0] > 3 * still[1]
     first = modes(model, direction=direction).frequency[0]
@@ -104,7 +104,7 @@ def test_near_a_critical_speed_another_tolerance_comes_first(direction: float) -
     orders = np.arange(1, crawl.theta.size // 2)
     leads = []
     for share in (0.5, 1.0):
-        found = rverror.tolerances.budget(stack(model, RIVALS, direction=direction, speed=share * critical))
+        found = rverror.tolerances.budget(stack(model, RIVALS, direction=direction, input_speed=share * critical))
         grown = wavy_base(share * orders / 80) ** 2
         for entry, rows, before in zip(
             found.contributions, (crawl.influence[:2], crawl.influence[2:]), still, strict=True
@@ -126,8 +126,8 @@ def test_drawn_units_in_full_are_as_the_linear_ones(direction: float) -> None:
     """The whole response of a unit, its own loaded state and stiffness, at a speed where orders have grown."""
     model, of_gears = Model(SMALL, bench=Bench(load_inertia="50 kg*m^2")), EVERY[:3]
     speed = 0.9 * 2 * math.pi * modes(model, torque=412e3, direction=direction).frequency[0] * SMALL.ratio / 12
-    made = stack(model, of_gears, torque=412e3, direction=direction, speed=speed)
-    crawl = stack(model, of_gears, torque=412e3, direction=direction, speed=0.0)
+    made = stack(model, of_gears, torque=412e3, direction=direction, input_speed=speed)
+    crawl = stack(model, of_gears, torque=412e3, direction=direction, input_speed=0.0)
     assert np.ptp(made.scaled(), axis=1).max() > 2 * np.ptp(crawl.scaled(), axis=1).max()
     draws = made.standard(np.random.default_rng(3).random((4, made.dimensions)))
     for values in draws * made.width[made.entry]:
@@ -143,19 +143,19 @@ def test_drawn_units_in_full_are_as_the_linear_ones(direction: float) -> None:
 def test_marks_that_are_ahead_turn_what_the_gears_do() -> None:
     """By whole steps of the angles, so that a whole period is rolled on."""
     model, of_gears, steps = Model(SMALL, bench=SWINGING), EVERY[1:3], 7
-    plain = stack(model, of_gears, torque="100 N*m", speed="100 rpm")
+    plain = stack(model, of_gears, torque="100 N*m", input_speed="100 rpm")
     assert plain.theta is not None
     marks = effect("sensor.index_offset", offset=float(plain.theta[steps]))
-    ahead = stack(model.with_effects(marks), of_gears, torque="100 N*m", speed="100 rpm")
+    ahead = stack(model.with_effects(marks), of_gears, torque="100 N*m", input_speed="100 rpm")
     for one, other in ((ahead.nominal, plain.nominal), (ahead.influence, plain.influence)):
         np.testing.assert_allclose(one, np.roll(other, -steps, axis=-1), atol=1e-6 * np.abs(other).max())
 
 
 def test_angles_beside_a_speed_are_refused() -> None:
     with pytest.raises(rverror.InputError, match="theta: at a speed the angles are those of one period"):
-        stack(Model(SMALL), EVERY[:1], [0.0, 0.1], speed="100 rpm", torque=1e5)
+        stack(Model(SMALL), EVERY[:1], [0.0, 0.1], input_speed="100 rpm", torque=1e5)
     with pytest.raises(rverror.InputError, match="speed: give one"):
-        stack(Model(SMALL), EVERY[:1], speed=["100 rpm", "200 rpm"], torque=1e5)
+        stack(Model(SMALL), EVERY[:1], input_speed=["100 rpm", "200 rpm"], torque=1e5)
 
 
 TEXT = """
@@ -183,7 +183,7 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     widths.write_text(TEXT)
     given = [str(path), str(widths), "--speed", "300 rpm", "--torque", "100 N*m", "--json", str(out)]
     items = rverror.load_tolerances(widths, model)
-    made = stack(model, items, speed="300 rpm", torque="100 N*m")
+    made = stack(model, items, input_speed="300 rpm", torque="100 N*m")
     assert main(["budget", *given, "--units", "512"]) == 0
     told = json.loads(out.read_text())
     assert told["input_speed_rpm"] == pytest.approx(300)

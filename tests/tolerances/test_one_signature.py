@@ -11,7 +11,7 @@ import rverror
 from rverror.tolerances.cost import Reciprocal
 
 ASKED = (rverror.tolerances.stack, rverror.error_budget, rverror.tolerances.virtual_units, rverror.allocate)
-CONDITIONS = ("direction", "torque", "speed")
+CONDITIONS = ("direction", "torque", "input_speed")
 MODEL = rverror.Model(rverror.reducer("RV-40E"))
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um", cost=Reciprocal(12.0, 0.005))]
 THETA = 2 * np.pi * np.arange(256) / 256

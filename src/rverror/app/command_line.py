@@ -263,10 +263,9 @@ def _simulate(options: argparse.Namespace) -> None:
         "input_counts",
         "output_counts",
         "seed",
-        "speed",
     )
     bench = {name: getattr(options, name) for name in names}
-    runs = simulate_runs(model, directions=directions, torques=torques, **bench)
+    runs = simulate_runs(model, directions=directions, torques=torques, output_speed=options.speed, **bench)
     if torques != [None] and options.method == "closed":
         tell(
             "the closed form holds contacts closed at any torque, but diagnose takes a stated torque for the "

@@ -20,6 +20,7 @@ from rverror.app.terminal import (
     save_model,
     write_results,
 )
+from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.model.model_file import load_model
@@ -99,7 +100,7 @@ def _duty(options: argparse.Namespace) -> dict[str, Any]:
         return {"duty": duty_phases(options.phase)}
     if options.phase or not both:
         raise InputError("wear: give --torque and --speed, or --phase in place of both")
-    return {"torque": options.torque, "speed": options.speed}
+    return {"torque": options.torque, "input_speed": options.speed}
 
 
 def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[list[str], str]]:

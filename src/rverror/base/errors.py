@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
-from collections.abc import Sequence
-from typing import cast
+from collections.abc import Callable, Sequence
+from typing import ParamSpec, TypeVar, cast
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 #: Version in which former names and forms that still work come to their end.
 FORMER_UNTIL = "0.2.0"
@@ -28,6 +32,43 @@ def warn_former(former: str, now: str) -> None:
     """
     text = f"{former} is {now} now; write that: the old form ends with version {FORMER_UNTIL}"
     warnings.warn(text, DeprecationWarning, stacklevel=3)
+
+
+def renamed(**now: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function take former names of its arguments, each with a warning.
+
+    Parameters
+    ----------
+    **now : str
+        By former name the name of the argument now.
+
+    Returns
+    -------
+    callable
+        The decorator.
+
+    Examples
+    --------
+    >>> @renamed(speed="input_speed")
+    ... def turns(*, input_speed):
+    ...     return input_speed
+    >>> turns(input_speed=2.0)
+    2.0
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def with_former(*args: P.args, **kwargs: P.kwargs) -> R:
+            for name in kwargs.keys() & now.keys():
+                warn_former(f"{function.__name__}(..., {name}=)", f"{function.__name__}(..., {now[name]}=)")
+                if now[name] in kwargs:
+                    raise InputError(f"{name} and {now[name]} are the same; give {now[name]}")
+                kwargs[now[name]] = kwargs.pop(name)
+            return function(*args, **kwargs)
+
+        return with_former
+
+    return decorate
 
 
 def check_kind(name: str, value: object, kind: type | tuple[type, ...], remedy: str) -> None:

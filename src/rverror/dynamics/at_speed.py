@@ -13,7 +13,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import Viewed
 from rverror.dynamics.loaded_motion import ReducedMotion
 from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
@@ -229,9 +229,10 @@ def _waves(rows: Array) -> Array:
     return np.asarray(2 * np.fft.rfft(rows) / rows.shape[-1])
 
 
+@renamed(speeds="input_speeds")
 def speed_response(
     model: Model,
-    speeds: Any,
+    input_speeds: Any,
     *,
     torque: Any | None = None,
     direction: Direction = "forward",
@@ -244,7 +245,7 @@ def speed_response(
     ----------
     model : Model
         Of a reducer; its effects, stiffness, inertia and bench count.  What only misreads the output does not.
-    speeds : array_like or quantity, shape (s,)
+    input_speeds : array_like or quantity, shape (s,)
         Of the input, rad/s, 0 or more; a list may hold strings such as ``"100 rpm"``.
     torque : float or quantity, optional
         Size of the output torque, N*mm, that resists the motion; the rated torque where left out.
@@ -283,7 +284,7 @@ def speed_response(
     True
     """
     check_model(model)
-    rows, direction = _speeds(speeds), direction_sign(direction)
+    rows, direction = _speeds(input_speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
     pulling = _Pulling(moving, made.solutions)
@@ -393,9 +394,9 @@ def _speeds(speeds: Any) -> Array:
         else:
             rows = np.atleast_1d(units.to_core_array(speeds, "angular_speed"))
     except ValueError as error:
-        raise InputError(f"speeds: {error}") from error
+        raise InputError(f"input_speeds: {error}") from error
     if rows.ndim != 1 or not rows.size or not (rows >= 0).all():
-        raise InputError("speeds: give a row of input speeds, each 0 or more; the direction is said by itself")
+        raise InputError("input_speeds: give a row of speeds, each 0 or more; the direction is said by itself")
     return rows
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import ReducedMotion
@@ -82,10 +82,11 @@ class RunUp(Viewed):
         return self.transmission_error - self.crawl - self.windup
 
 
+@renamed(speeds="input_speeds")
 def run_up(
     model: Model,
     times: Any,
-    speeds: Any,
+    input_speeds: Any,
     *,
     torque: Any | None = None,
     direction: Direction = "forward",
@@ -101,7 +102,7 @@ def run_up(
         Of a reducer; its effects, stiffness, inertia and bench count.  What only misreads the output does not.
     times : array_like or quantity, shape (k,)
         s, growing.  The same time twice is a step.
-    speeds : array_like or quantity, shape (k,)
+    input_speeds : array_like or quantity, shape (k,)
         Of the input then, rad/s, 0 or more: what is prescribed is the input side of ``[bench]``, before its control.
     torque : float or array_like or quantity, shape (k,), optional
         Size of the output torque, N*mm, that resists the motion, one or then; the rated torque where left out.
@@ -145,7 +146,7 @@ def run_up(
     """
     check_model(model)
     direction = direction_sign(direction)
-    profile = _profile(model, times, speeds, torque=torque, direction=direction, smooth=smooth)
+    profile = _profile(model, times, input_speeds, torque=torque, direction=direction, smooth=smooth)
     load = units.InCore(profile.reference)
     unit, size = loaded_reducer(model, load)
     if model.bench.position_control_stiffness == 0:
@@ -225,11 +226,11 @@ class _Profile:
 
 
 def _profile(model: Model, times: Any, speeds: Any, *, torque: Any, direction: float, smooth: bool) -> _Profile:
-    time, speed = _row("times", times, "time"), _row("speeds", speeds, "angular_speed")
+    time, speed = _row("times", times, "time"), _row("input_speeds", speeds, "angular_speed")
     if time.size < 2 or not time[0] < time[-1] or not (np.diff(time) >= 0).all():
         raise InputError("times: give two or more that grow; the same time twice is a step")
     if speed.shape != time.shape or not (speed >= 0).all():
-        raise InputError("speeds: give as many as times, each 0 or more; the direction is said by itself")
+        raise InputError("input_speeds: give as many as times, each 0 or more; the direction is said by itself")
     several = isinstance(torque, Sequence) and not isinstance(torque, str)
     if not several and np.ndim(getattr(torque, "magnitude", torque) if torque is not None else 0) == 0:
         unit, reference = loaded_reducer(model, torque)

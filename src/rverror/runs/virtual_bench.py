@@ -18,7 +18,7 @@ import scipy
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.numbers import way
 from rverror.base.text import shown
 from rverror.geartrain.contacts import motion
@@ -47,6 +47,7 @@ _SPEEDS = (1e-6, 1e6)  # deg/s: beyond, times have no digits left
 _AT_ONCE = 4096  # angles solved together: bounds the memory
 
 
+@renamed(speed="output_speed")
 def simulate(
     model: Model,
     *,
@@ -60,7 +61,7 @@ def simulate(
     input_counts: int | None = None,
     output_counts: int | None = None,
     seed: int | None = None,
-    speed: Any | None = None,
+    output_speed: Any | None = None,
 ) -> Run:
     """Compute the run that a bench would record; without noise and counts, one that reads every angle exactly.
 
@@ -86,7 +87,7 @@ def simulate(
         Counts per turn to which each encoder rounds.
     seed : int, optional
         Of the noise; `DEFAULT_SEED` where left out.
-    speed : float or quantity, optional
+    output_speed : float or quantity, optional
         Output speed, plain numbers rad/s; gives the run its time, which ``sensor.time_offset`` needs.
 
     Returns
@@ -123,10 +124,11 @@ def simulate(
         input_counts=input_counts,
         output_counts=output_counts,
         seed=seed,
-        speed=speed,
+        output_speed=output_speed,
     )[0]
 
 
+@renamed(speed="output_speed")
 def simulate_runs(
     model: Model,
     *,
@@ -140,7 +142,7 @@ def simulate_runs(
     input_counts: int | None = None,
     output_counts: int | None = None,
     seed: int | None = None,
-    speed: Any | None = None,
+    output_speed: Any | None = None,
 ) -> tuple[Run, ...]:
     """Compute the runs of one session on the bench: every torque in every direction.
 
@@ -150,7 +152,7 @@ def simulate_runs(
     directions : sequence of {"forward", "reverse"} or +1 or -1
     torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
-    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, speed : optional
+    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, output_speed : optional
         As in `simulate`.
 
     Returns
@@ -196,7 +198,7 @@ def simulate_runs(
         input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
         output_counts=None if output_counts is None else _whole("output counts", output_counts, 1, _LARGEST_COUNTS),
         seed=DEFAULT_SEED if seed is None else _whole("seed", seed, 0, _LARGEST_SEED),
-        speed=None if speed is None else _speed(speed),
+        speed=None if output_speed is None else _speed(output_speed),
     )
     timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
     if timed and bench.speed is None:
@@ -341,11 +343,11 @@ def _speed(value: Any) -> float:
     try:
         size = units.to_core(value, "angular_speed")
     except (TypeError, ValueError) as problem:
-        raise InputError(f"speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
+        raise InputError(f"output_speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
     least, most = _SPEEDS
     if not least <= math.degrees(size) <= most:
         raise InputError(
-            f"speed = {math.degrees(size):g} deg/s: must be {least:g} to {most:g} deg/s; "
+            f"output_speed = {math.degrees(size):g} deg/s: must be {least:g} to {most:g} deg/s; "
             "the direction has its own option"
         )
     return size

@@ -105,7 +105,7 @@ def fit_running_in(
     ...     running_in={"disc": RunningIn(depth="1 um", coefficient="5e-8 mm^3/(N*m)")},
     ...     free=["depth", "lasting"],
     ...     torque="412 N*m",
-    ...     speed="1815 rpm",
+    ...     input_speed="1815 rpm",
     ...     disc_width="9 mm",
     ...     gear_width="8 mm",
     ... )

@@ -29,6 +29,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
+from rverror.base.errors import renamed
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
@@ -220,11 +221,12 @@ class Wear(Viewed):
         return self.model.with_effects(*_with_sizes(self.effects, row))
 
 
+@renamed(speed="input_speed")
 def wear(
     model: Model,
     *,
     torque: Any = None,
-    speed: Any = None,
+    input_speed: Any = None,
     duty: DutyPhase | Sequence[DutyPhase] | None = None,
     hours: Any,
     coefficients: WearCoefficients,
@@ -242,7 +244,7 @@ def wear(
         Of a reducer; its errors, stiffnesses and play share the load.
     torque : float or quantity, optional
         Size of the output torque, N*mm; it resists the motion.
-    speed : float or quantity, optional
+    input_speed : float or quantity, optional
         Size of the input speed, rad/s.
     duty : DutyPhase or sequence of DutyPhase, optional
         In place of torque and speed: phases of a cycle that is run through many times, and shares the hours.
@@ -288,7 +290,7 @@ def wear(
     >>> worn = wear(
     ...     unit,
     ...     torque="412 N*m",
-    ...     speed="1815 rpm",
+    ...     input_speed="1815 rpm",
     ...     hours=6000,
     ...     coefficients=WearCoefficients(disc="1e-10 mm^3/(N*m)"),
     ...     disc_width="9 mm",
@@ -302,12 +304,12 @@ def wear(
     unit = reducer_of(model.mechanism, "wear")
     if pins not in PINS:
         raise ValueError(f"pins = {pins!r}: must be one of {', '.join(map(repr, PINS))}")
-    if (duty is None) == (torque is None) or (speed is None) != (torque is None):
-        raise ValueError("give torque and speed, or a duty of DutyPhase in place of both")
+    if (duty is None) == (torque is None) or (input_speed is None) != (torque is None):
+        raise ValueError("give torque and input_speed, or a duty of DutyPhase in place of both")
     if duty is None:
         above_zero("torque", torque, "torque")
-        above_zero("speed", speed, "angular_speed")
-        duty = DutyPhase(torque=torque, speed=speed)
+        above_zero("input_speed", input_speed, "angular_speed")
+        duty = DutyPhase(torque=torque, speed=input_speed)
     cycle = checked_duty(duty)
     doubt_torque(unit, [one.torque for one in cycle])
     works = [one for one in cycle if one.torque and one.speed]

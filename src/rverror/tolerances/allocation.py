@@ -19,7 +19,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError, check_each, renamed
 from rverror.base.units import ARCSEC
 from rverror.base.viewed import Viewed
 from rverror.model.catalogue import source
@@ -204,6 +204,7 @@ class FrontPoint:
     reason: str = ""
 
 
+@renamed(speed="input_speed")
 def allocate(
     model: Model | Stack,
     tolerances: Sequence[Tolerance] | None = None,
@@ -211,7 +212,7 @@ def allocate(
     *,
     direction: Direction = "forward",
     torque: Any | None = None,
-    speed: Any | None = None,
+    input_speed: Any | None = None,
     limit: Any,
     kind: Kind = "yield",
     level: float = 0.99,
@@ -230,7 +231,7 @@ def allocate(
         A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked.
     tolerances : sequence of Tolerance
         With their costs, bounds and what is fixed.
-    theta, direction, torque, speed
+    theta, direction, torque, input_speed
         As for `rverror.tolerances.stack`.
     limit : float, str or quantity
         Of the p-p or rms, rad or with a unit.
@@ -283,8 +284,12 @@ def allocate(
     >>> allocate(unit, cams, limit="40 arcsec", kind="worst", verify=1000).kind
     'worst'
     """
-    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
-    if torque is not None and speed is None and not any("torque" in source(part.key).needs for part in laid.components):
+    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
+    if (
+        torque is not None
+        and input_speed is None
+        and not any("torque" in source(part.key).needs for part in laid.components)
+    ):
         raise InputError("torque: the closed form knows no load; leave it out, or use allocate_at_load")
     task = _Task(laid, kind, level, sample, verify, confidence, seed, executor, progress or (lambda text: None))
     return task.solved(_angle(limit))
@@ -297,7 +302,7 @@ def cost_front(
     *,
     direction: float = 1.0,
     torque: Any | None = None,
-    speed: Any | None = None,
+    input_speed: Any | None = None,
     limits: Sequence[Any],
     progress: Callable[[str], None] | None = None,
     **options: Any,
@@ -306,7 +311,7 @@ def cost_front(
 
     Parameters
     ----------
-    model, tolerances, theta, direction, torque, speed
+    model, tolerances, theta, direction, torque, input_speed
         As for `allocate`.
     limits : sequence of float, str or quantity
     progress : callable, optional
@@ -337,7 +342,7 @@ def cost_front(
     [1.0, 2.0]
     """
     check_each("limits", limits, object, "give a list of limits, such as ['40 arcsec', '60 arcsec']")
-    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
+    laid = laid_out(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
     task = _Task(laid, progress=progress or (lambda text: None), **options)
     points = []
     for limit in map(_angle, limits):

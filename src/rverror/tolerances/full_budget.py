@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.text import PathLike
 from rverror.base.units import InCore
 from rverror.base.viewed import Viewed
@@ -59,6 +59,7 @@ class ErrorBudget(Viewed):
     at_load: LoadedBudget | None
 
 
+@renamed(speed="input_speed")
 def error_budget(
     model: Model,
     tolerances: Sequence[Tolerance],
@@ -66,7 +67,7 @@ def error_budget(
     *,
     direction: Direction = "forward",
     torque: Any | None = None,
-    speed: Any | None = None,
+    input_speed: Any | None = None,
     count: int = COUNT,
     index_count: int = INDEX_COUNT,
     limits: Sequence[Limit] = (),
@@ -86,9 +87,10 @@ def error_budget(
     theta, direction
         As for `stack`.
     torque : float, quantity or callable, optional
-        Size of the output torque, N*mm: at a speed the load.  Without speed and limits, units are solved under it; it
-        may then be a function of the output angle such as a `GravityArm`, of which the closed form takes the largest.
-    speed : float or quantity, optional
+        Size of the output torque, N*mm: at a speed the load.  Without input_speed and limits, units are solved
+        under it; it may then be a function of the output angle such as a `GravityArm`, of which the closed form takes
+        the largest.
+    input_speed : float or quantity, optional
         Of the input, rad/s: influences of the loaded reducer in motion, as for `stack`.  The torque is then its load.
     count : int
         Virtual units.
@@ -123,13 +125,13 @@ def error_budget(
     """
     direction = direction_sign(direction)
     tell = progress or (lambda text: None)
-    if torque is not None and speed is None and not limits:
+    if torque is not None and input_speed is None and not limits:
         limits = [limit("transmission_error", torque=torque)]
     if callable(torque):
-        if speed is not None:
+        if input_speed is not None:
             raise InputError("torque: at a speed the load is one for all angles; give a number such as '20 N*m'")
         torque = InCore(peak_torque(torque))
-    laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, speed=speed)
+    laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, input_speed=input_speed)
     tell(f"closed form of {len(laid_out.components)} components")
     closed = budget(laid_out, seed=seed)
     units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder, progress=progress)

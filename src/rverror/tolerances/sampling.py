@@ -23,7 +23,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.directions import Direction
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.text import PathLike, write_bytes
 from rverror.base.units import named_core
 from rverror.base.version import __version__
@@ -213,6 +213,7 @@ class _Chunks:
         return sizes, bound
 
 
+@renamed(speed="input_speed")
 def virtual_units(
     model: Model | Stack,
     tolerances: Sequence[Tolerance] | int | None = None,
@@ -220,7 +221,7 @@ def virtual_units(
     *,
     direction: Direction = "forward",
     torque: Any | None = None,
-    speed: Any | None = None,
+    input_speed: Any | None = None,
     count: int | None = None,
     seed: int = 0,
     executor: Executor | None = None,
@@ -237,7 +238,7 @@ def virtual_units(
         A stack, of `rverror.tolerances.stack`, stands for model, tolerances and how they are asked; the number of
         units may then stand second.
     tolerances : sequence of Tolerance
-    theta, direction, torque, speed
+    theta, direction, torque, input_speed
         As for `rverror.tolerances.stack`.
     count : int
         Number of units; `COUNT` where left out.
@@ -293,7 +294,7 @@ def virtual_units(
     if isinstance(tolerances, int):
         count, tolerances = tolerances, None
     count = COUNT if count is None else count
-    stack = laid_out(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
+    stack = laid_out(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
     check_seed(seed)

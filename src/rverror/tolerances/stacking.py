@@ -156,7 +156,7 @@ def stack(
     *,
     direction: Direction = "forward",
     torque: Any = None,
-    speed: Any = None,
+    input_speed: Any = None,
 ) -> Stack:
     """Lay a model and its tolerances out as arrays.
 
@@ -169,7 +169,7 @@ def stack(
     direction : {"forward", "reverse"} or +1 or -1, optional
     torque : float or quantity, optional
         Needed by ``load.torsion``; at a speed the load, the rated one where left out.
-    speed : float or quantity, optional
+    input_speed : float or quantity, optional
         Of the input, rad/s: influences are then those of the loaded reducer in motion, over the angles of one period.
 
     Returns
@@ -196,7 +196,7 @@ def stack(
     if not tolerances:
         raise InputError("no tolerance; give at least one")
     direction = direction_sign(direction)
-    if speed is None:
+    if input_speed is None:
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
         forces = closed_form_forces(where.gears)
@@ -216,8 +216,8 @@ def stack(
             for item in tolerances
             for indices in item.instances(model.mechanism)
         ]
-        moving = influences_at_speed(model, speed, every, torque=torque, direction=direction)
-        angles, nominal, speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
+        moving = influences_at_speed(model, input_speed, every, torque=torque, direction=direction)
+        angles, nominal, input_speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
         sources = (matrix for matrix in moving.matrices)
     joined = {e for pair in correlations(tolerances) for e in pair}
     partner = {e: (f, fit) for pair, fit in fits(tolerances).items() for e, f in (pair, pair[::-1])}
@@ -252,7 +252,7 @@ def stack(
         labels=_distinct([item.label for item in tolerances]),
         blocks=tuple(blocks),
         theta=angles,
-        speed=speed,
+        speed=input_speed,
         dependence=dependence(tolerances, blocks, components),
         model=model.name or model.mechanism.name or "the model",
         choices=tuple(item.choice for item in tolerances),
@@ -260,7 +260,7 @@ def stack(
 
 
 def laid_out(
-    model: Model | Stack, tolerances: Any, theta: Any, *, direction: Direction, torque: Any, speed: Any
+    model: Model | Stack, tolerances: Any, theta: Any, *, direction: Direction, torque: Any, input_speed: Any
 ) -> Stack:
     """Stack of a model and its tolerances, or the one that was given in their place.
 
@@ -270,8 +270,8 @@ def laid_out(
         If a stack is given with what it says itself, or as `stack`.
     """
     if not isinstance(model, Stack):
-        return stack(model, tolerances, theta, direction=direction, torque=torque, speed=speed)
-    beside = {"tolerances": tolerances, "theta": theta, "torque": torque, "speed": speed}
+        return stack(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
+    beside = {"tolerances": tolerances, "theta": theta, "torque": torque, "input_speed": input_speed}
     for name, value in {**beside, "direction": None if direction_sign(direction) > 0 else direction}.items():
         if value is not None:
             raise InputError(f"{name} beside a stack, which says it itself; leave it out, or give model and tolerances")

@@ -392,7 +392,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "wear": wear(
             BARE,
             torque="9 N*m",
-            speed="1000 rpm",
+            input_speed="1000 rpm",
             hours=[0, 50, 100],
             coefficients=WearCoefficients(disc="1e-9 mm^3/(N*m)", pin="1e-9 mm^3/(N*m)"),
             disc_width="9 mm",
