@@ -25,6 +25,7 @@ SHOWN_BY = {
     "Effect": "effect",
     "DutyEfficiency": "duty_efficiency",
     "Efficiency": "efficiency",
+    "Faults": "find_faults",
     "FittedRunningIn": "fit_running_in",
     "Equilibrium": "equilibrium",
     "ErrorBudget": "error_budget",

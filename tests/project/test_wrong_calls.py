@@ -133,7 +133,7 @@ LEFT_OUT = {
     "bench_uncertainty", "coloured_noise",
     "compare", "compare_runs", "describe", "diagnose_folder", "diagnose_outsiders", "draft_mapping",
     "draw", "extended", "folded_order", "input_files",
-    "line_style", "match",
+    "find_faults", "line_style", "match",
     "load_compensation", "load_mapping", "lot", "lot_of_drives",
     "load_orders", "load_parts", "new_figure", "orders_from_arrays", "passport",
     "preset_origins", "presets", "read_case", "run_from_arrays", "save_compensation", "save_parts", "save_widths",

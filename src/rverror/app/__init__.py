@@ -6,6 +6,5 @@ from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
     from rverror.app.batch import diagnose_folder as diagnose_folder
-
 else:
     __getattr__, __dir__ = attach(__name__)

@@ -12,6 +12,5 @@ if TYPE_CHECKING:
         load_compensation as load_compensation,
         save_compensation as save_compensation,
     )
-
 else:
     __getattr__, __dir__ = attach(__name__)

@@ -124,4 +124,5 @@ class Policy:
         return not self.keys or entry.key in self.keys
 
 
+#: Thresholds of `diagnose` where none are given.
 POLICY = Policy()

@@ -12,6 +12,5 @@ if TYPE_CHECKING:
     )
     from rverror.dynamics.natural_modes import Modes as Modes, modes as modes
     from rverror.dynamics.running_up import RunUp as RunUp, run_up as run_up
-
 else:
     __getattr__, __dir__ = attach(__name__)

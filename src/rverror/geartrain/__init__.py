@@ -27,6 +27,5 @@ if TYPE_CHECKING:
     )
     from rverror.geartrain.source import Index as Index, Parameter as Parameter, Source as Source
     from rverror.geartrain.torque_over_turn import GravityArm as GravityArm
-
 else:
     __getattr__, __dir__ = attach(__name__)

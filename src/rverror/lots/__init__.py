@@ -12,6 +12,5 @@ if TYPE_CHECKING:
     from rverror.lots.of_drives import DriveLot as DriveLot, lot_of_drives as lot_of_drives
     from rverror.lots.outsider_diagnosis import diagnose_outsiders as diagnose_outsiders
     from rverror.lots.result import Lot as Lot
-
 else:
     __getattr__, __dir__ = attach(__name__)

@@ -7,6 +7,5 @@ from rverror.base.lazy import attach
 if TYPE_CHECKING:
     from rverror.matching.matched import match as match
     from rverror.matching.result import Matched as Matched
-
 else:
     __getattr__, __dir__ = attach(__name__)

@@ -9,6 +9,5 @@ if TYPE_CHECKING:
     from rverror.parts.parts_table import save_parts as save_parts
     from rverror.parts.reading import PartsRead as PartsRead, load_parts as load_parts
     from rverror.parts.unit import UnitError as UnitError, unit_error as unit_error, unit_of_parts as unit_of_parts
-
 else:
     __getattr__, __dir__ = attach(__name__)

@@ -7,6 +7,7 @@ from rverror.base.lazy import attach
 if TYPE_CHECKING:
     from rverror.runs.bench.draft import draft_mapping as draft_mapping
     from rverror.runs.bench.mapping import load_mapping as load_mapping
+    from rverror.runs.faults import Faults as Faults, find_faults as find_faults
     from rverror.runs.measurement import (
         Run as Run,
         load_run as load_run,
@@ -29,6 +30,5 @@ if TYPE_CHECKING:
         simulate as simulate,
         simulate_runs as simulate_runs,
     )
-
 else:
     __getattr__, __dir__ = attach(__name__)

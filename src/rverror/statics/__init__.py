@@ -43,6 +43,5 @@ if TYPE_CHECKING:
         WearCoefficients as WearCoefficients,
         wear as wear,
     )
-
 else:
     __getattr__, __dir__ = attach(__name__)

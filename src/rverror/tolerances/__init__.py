@@ -21,6 +21,5 @@ if TYPE_CHECKING:
     from rverror.tolerances.specification import Limit as Limit, limit as limit
     from rverror.tolerances.stacking import Stack as Stack, stack as stack
     from rverror.tolerances.tolerance_file import load_tolerances as load_tolerances, save_widths as save_widths
-
 else:
     __getattr__, __dir__ = attach(__name__)
