@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rverror.views.plots.figure import BLACK, line_style, new_figure, svg_element
+from rverror.views.plots.figure import new_figure, svg_element
+from rverror.views.plots.style import BLACK, line_style
 
 PAGE = Path(__file__).parents[1] / "published.md"
 

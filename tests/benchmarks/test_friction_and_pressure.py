@@ -20,7 +20,7 @@ def test_it_runs_and_says_every_ratio(capsys: pytest.CaptureFixture[str]) -> Non
     benchmark.main(["--angles", "8", "--repeats", "1"])
     head, *lines = capsys.readouterr().out.splitlines()
     assert "8 angles; best of 1 runs" in head
-    pattern = r"rverror\.(\w+) +[\d.]+ ms, +([\d.e-]+) times (\w+)"
+    pattern = r"rverror\.(?:\w+\.)*(\w+) +[\d.]+ ms, +([\d.e-]+) times (\w+)"
     found = {match[1]: (match[3], float(match[2])) for line in lines if (match := re.fullmatch(pattern, line))}
     assert {name: beside for name, (beside, _) in found.items()} == {
         "efficiency": "equilibrium",

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
@@ -149,6 +149,7 @@ class Stack(OneLine):
         return tuple(group for block in self.blocks for group in block.worst_groups())
 
 
+@renamed(speed="input_speed")
 def stack(
     model: Model,
     tolerances: Sequence[Tolerance],

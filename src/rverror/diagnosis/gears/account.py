@@ -310,20 +310,22 @@ def _candidates(search: Search) -> tuple[Candidate, ...]:
 
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
-    count = sum(len(e.values) for e in fit.model.effects)
-    stated, values = soft_values(fit.bench.unit).tolist(), soft_values(fit.model.mechanism).tolist()
+    unit, now = fit.bench.unit, fit.model.mechanism
+    if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
+        return ()
+    count, values = sum(len(e.values) for e in fit.model.effects), soft_values(now).tolist()
     result = []
     for at in np.flatnonzero(fit.bench.soft).tolist():
-        own, half = count + at, halves[count + at]
+        own, half, name = count + at, halves[count + at], SOFTENING[at]
         told = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
-        ends = (max(values[at] - half, float(SOFT_BOUNDS[at, 0])), values[at] + half)
-        sizes = (stated[at], values[at], *ends)
-        if at < 6:  # a logarithm of a compliance
-            declared, value, high, low = (math.exp(-size) for size in sizes)
-            result.append(ElasticEstimate(SOFTENING[at], "stiffness", declared, value, low, high, told))
+        if at < 6:
+            value = getattr(now.stiffness, name)
+            sizes = getattr(unit.stiffness, name), value, value * math.exp(-half), value * math.exp(half)
         else:
-            dimension = "length" if SOFTENING[at] == "gear_backlash" else "number"
-            result.append(ElasticEstimate(SOFTENING[at], dimension, *sizes, told))
+            low = max(values[at] - half, float(SOFT_BOUNDS[at, 0]))
+            sizes = soft_values(unit).tolist()[at], values[at], low, values[at] + half
+        dimension = "stiffness" if at < 6 else "length" if name == "gear_backlash" else "number"
+        result.append(ElasticEstimate(name, dimension, *sizes, told))
     return tuple(result)
 
 
