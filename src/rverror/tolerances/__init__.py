@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         FrontPoint as FrontPoint,
         allocate as allocate,
         cost_front as cost_front,
-        terms as terms,
     )
     from rverror.tolerances.closed_form import Budget as Budget, budget as budget
     from rverror.tolerances.declared import Tolerance as Tolerance, tolerance as tolerance

@@ -7,7 +7,6 @@ Page ``theory/allocation.md``.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -351,14 +350,6 @@ def cost_front(
         except _UnreachableError as error:
             points.append(FrontPoint(limit, None, str(error)))
     return tuple(points)
-
-
-def terms(tolerances: Sequence[Tolerance]) -> dict[str, Any]:
-    """Nothing: a stack knows what its tolerances cost.  Of before, until the next version."""
-    warnings.warn(
-        "rverror.tolerances.terms: a stack knows what its tolerances cost; leave it out", DeprecationWarning, 2
-    )
-    return {}
 
 
 class _UnreachableError(InputError):
