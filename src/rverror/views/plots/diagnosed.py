@@ -152,8 +152,8 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
 
     Notes
     -----
-    The score is what a candidate takes off the chi-square of stretches left out.  Differences are paired: left-out
-    revolution by revolution, sqrt(n) times their standard deviation.  Scores without their revolutions have no error.
+    The score is what a linear step with the candidate takes off the objective.  Scores that are given in parts have the
+    standard error of their difference: sqrt(n) times the standard deviation of the parts' differences.
     """
     rounds = [(a.candidates, a) for a in diagnosis.added if a.candidates] + [(diagnosis.candidates, None)]
     if not 1 <= round <= len(rounds):
@@ -175,7 +175,7 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
         title = f"candidates of round {round}: {gain}\nadded: {added}"
     else:
         title = f"candidates of the last round: {gain}; nothing more added"
-    xlabel = "score behind the best, chi-square of left-out stretches (a number)"
+    xlabel = "score behind the best, fall of the objective by a linear step (a number)"
     ax.set(xlabel=xlabel, title=title)
     ax.title.set_fontsize("medium")
     if not ranking:
@@ -184,7 +184,8 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     _spread(ax, behind)
     from matplotlib.lines import Line2D
 
-    marks = [("white", "others; bars: standard error of the difference")]
+    barred = any(error is not None for error in errors)
+    marks = [("white", "others; bars: standard error of the difference" if barred else "others")]
     if addition:
         marks.insert(0, (_AFTER, "added at the load, and what cannot be told from it"))
     handles = [Line2D([], [], marker="o", ls="", color=_AFTER, mfc=face, label=label) for face, label in marks]
