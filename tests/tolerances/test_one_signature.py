@@ -41,8 +41,3 @@ def test_allocation_of_either() -> None:
     (front,) = rverror.tolerances.cost_front(MODEL, CAMS, THETA, limits=[how["limit"]], kind="worst", verify=1000)
     assert front.allocation is not None
     assert front.allocation.widths == asked.widths
-
-
-def test_terms_of_before_warn_and_change_nothing() -> None:
-    with pytest.warns(DeprecationWarning, match="a stack knows what its tolerances cost"):
-        assert rverror.tolerances.terms(CAMS) == {}
