@@ -76,7 +76,7 @@ def test_closed_form_is_that_of_the_carrier_turned_back(unit: Reducer, theta: np
         indices = next(iter(entry.candidates(unit)))
         here = rverror.influence(other, theta, key, direction=direction, torque=50e3, **indices).matrix
         there = rverror.influence(unit, -theta, key, direction=-direction, torque=more * 50e3, **indices).matrix
-        # what cancels is next to nothing, not nothing: of a compliance 2 kN over a lever of 30 mm, times 2^-52, is 1e-14
+        # what cancels is next to nothing, not nothing: of a compliance 2 kN over 30 mm, times 2^-52, is 1e-14
         rounding = 1e-13 + 1e-9 * np.abs(there).max()
         np.testing.assert_allclose(here, -more * there, rtol=1e-9, atol=rounding, err_msg=key)
 
