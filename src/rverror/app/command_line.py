@@ -17,6 +17,7 @@ from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
 from rverror.app.terminal import (
     MAPPING,
     MODEL,
+    RUNS,
     WAYS,
     Progress,
     add_command,
@@ -182,14 +183,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
         run=_diagnose,
         options={
             **MODEL,
-            "runs": option("RUN.csv", nargs="+", reads=True),
-            "--validate": option(
-                "FILE",
-                "runs or order tables kept out of the fit, to test the result on",
-                reads=True,
-                nargs="+",
-                default=[],
-            ),
+            **RUNS,
             **MAPPING,
             "--prior": option(
                 "MADE.toml", "usual sizes of part errors in production, as written by `lot --save`", reads=True

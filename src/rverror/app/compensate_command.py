@@ -10,16 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from rverror.app import read_command
 from rverror.app.terminal import (
+    MAPPING,
+    MODEL,
+    RUNS,
     Progress,
     add_command,
-    add_output,
-    add_results,
     check_outputs,
-    check_results,
+    choice,
+    flag,
     given_twice,
-    quantity,
+    option,
+    output,
+    results,
     rounded,
     save_results,
     say_replaced,
@@ -27,7 +30,6 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
-from rverror.base.text import check_name
 from rverror.compensation.making import compensate
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.over_conditions import LEAST_CONDITIONS
@@ -37,6 +39,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.model.compensation import WAVE
 from rverror.model.effects import Model
 from rverror.model.model_file import append_effects, load_model
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
 from rverror.views.report import to_text
@@ -49,46 +52,37 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "compensate",
         brief="write a table with which a controller cancels the repeatable error",
         does="Writes a table that a controller adds to its commands so that the repeatable part of the output error "
         "cancels, and predicts the error that remains with it.",
         example="unit.toml forward.csv reverse.csv -o table.csv",
+        run=_compensate,
+        options={
+            **MODEL,
+            **RUNS,
+            **output("TABLE", "table to write", required=True),
+            "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
+            "--torque": option(
+                '"20 N*m"', "load of the table; a json table takes several", size="torque", action="append"
+            ),
+            **MAPPING,
+            **results(plot="the error before and after"),
+            "--save": option("NEW.toml", "write the model of the compensated unit"),
+            "--force": flag("replace a table that exists"),
+        },
     )
-    command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("runs", nargs="+", metavar="RUN.csv")
-    add_output(command, "TABLE", "table to write", required=True)
-    command.add_argument("--format", choices=FORMATS, default="csv", help="format of the table (default csv)")
-    command.add_argument(
-        "--torque", action="append", metavar='"20 N*m"', help="load of the table; a json table takes several"
-    )
-    read_command.add_mapping(command)
-    command.add_argument(
-        "--validate",
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="runs or order tables kept out of the fit, to test the result on",
-    )
-    add_results(command, plot="the error before and after")
-    command.add_argument("--save", metavar="NEW.toml", help="write the model of the compensated unit")
-    command.add_argument("--force", action="store_true", help="replace a table that exists")
-    command.set_defaults(run=_compensate)
 
 
 def _compensate(options: argparse.Namespace) -> None:
-    inputs = [options.model, *options.runs, *options.validate] + ([options.mapping] if options.mapping else [])
-    check_outputs([options.output, options.json, options.html, options.plot, options.save], inputs)
-    check_results(options, inputs)
+    check_outputs([options.output, options.json, options.html, options.plot, options.save], options.inputs)
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
     if (twice := given_twice([*options.runs, *options.validate])) is not None:
         raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
-    for path in inputs:
-        check_name(path)
-    torques = [quantity("--torque", text, "torque", example="20 N*m") for text in options.torque or ()]
+    torques = options.torque or []
     if len(torques) > 1 and options.format != "json":
         raise InputError(
             f"--torque: a {options.format} table has one load, {len(torques)} are given; use --format json"
@@ -98,7 +92,7 @@ def _compensate(options: argparse.Namespace) -> None:
         raise InputError(
             f"{options.model}: it has a table already, which the new one replaces; remove its {WAVE.key} for --save"
         )
-    mapping = read_command.given_mapping(options.mapping)
+    mapping = given_mapping(options.mapping)
     runs = [load_run(path, model, mapping) for path in options.runs]
     unseen = [load_run(path, model, mapping) for path in options.validate]
     made = compensate(_with_causes(model, runs, unseen, torques), runs, torques=torques, unseen=unseen)
@@ -111,7 +105,7 @@ def _compensate(options: argparse.Namespace) -> None:
 
         return compensation_figure(made)
 
-    save_results(made, options, picture, inputs, table=table)
+    save_results(made, options, picture, table=table)
     if options.save and table is not None:
         say_replaced(options.save)
         effects = [rounded(effect) for effect in made.correction.effects(table.torque)]

@@ -20,7 +20,7 @@ from rverror.app.terminal import (
     write_output,
     write_results,
 )
-from rverror.app.tolerance_commands import add_limits, limits_of
+from rverror.app.tolerance_commands import limit_options, limits_of
 from rverror.base.errors import InputError
 from rverror.matching.matched import WAYS, match
 from rverror.model.model_file import load_model
@@ -35,7 +35,7 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "match",
         brief="which measured parts to assemble so that most units meet their limits",
@@ -51,6 +51,7 @@ def add_commands(commands: Any) -> None:
             "--mapping": option(
                 "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
             ),
+            **limit_options(),
             "--turns": flag("discs may be turned by pitches of their bores"),
             "--cost": option(
                 "matching=2.5",
@@ -64,7 +65,6 @@ def add_commands(commands: Any) -> None:
             "--save": option("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
         },
     )
-    add_limits(command)
 
 
 def _match(options: argparse.Namespace) -> None:

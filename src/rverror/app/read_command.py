@@ -10,7 +10,6 @@ from typing import Any
 from rverror.app.terminal import (
     MAPPING,
     add_command,
-    add_options,
     check_output,
     flag,
     option,
@@ -20,7 +19,7 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import drafted
-from rverror.runs.bench.mapping import given_mapping as given_mapping  # for other commands too
+from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import load_run, run_text
 from rverror.runs.order_file import orders_text, refuse_order_file
 from rverror.runs.order_table import OrderTable
@@ -48,11 +47,6 @@ def add_commands(commands: Any) -> None:
             **output("RUN.csv", "file to write (default: standard output)"),
         },
     )
-
-
-def add_mapping(command: argparse.ArgumentParser) -> None:
-    """Add the option that names a mapping file to a command that reads runs."""
-    add_options(command, MAPPING)
 
 
 def _read(options: argparse.Namespace) -> None:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from rverror.base import units
@@ -111,6 +110,12 @@ def results(*, plot: str | None = None, html: bool = True) -> dict[str, Any]:
 
 #: Options that several commands have, for their tables.
 MODEL: Mapping[str, Any] = {"model": option("MODEL.toml", reads=True)}
+RUNS: Mapping[str, Any] = {
+    "runs": option("RUN.csv", nargs="+", reads=True),
+    "--validate": option(
+        "FILE", "runs or order tables kept out of the fit, to test the result on", reads=True, nargs="+", default=[]
+    ),
+}
 MAPPING: Mapping[str, Any] = {
     "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
 }
@@ -130,9 +135,9 @@ def add_command(
     brief: str,
     does: str,
     example: str,
-    run: Callable[[argparse.Namespace], None] | None = None,
-    options: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
-) -> argparse.ArgumentParser:
+    run: Callable[[argparse.Namespace], None],
+    options: Mapping[str, Mapping[str, Any]],
+) -> None:
     """Add a command.
 
     Parameters
@@ -145,15 +150,11 @@ def add_command(
         What it does, in sentences, for its own help.
     example : str
         Arguments that show it at work, for its own help.
-    run : callable, optional
+    run : callable
         What does it, of options whose quantities are read and whose outputs can be written; `inputs` of them lists the
         files that are read, and `as_written` has the quantities as given.
     options : mapping of str to mapping
         Each as `option` makes it, by its names with blanks between them.
-
-    Returns
-    -------
-    argparse.ArgumentParser
     """
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
@@ -182,27 +183,9 @@ def add_command(
                 setattr(given, dest, quantity(named, text, dimension, example=written))
             elif text:
                 setattr(given, dest, [quantity(named, one, dimension, example=written) for one in text])
-        assert run is not None
         run(given)
 
-    parser.set_defaults(run=None if run is None else begin)
-    return parser
-
-
-def add_options(command: argparse.ArgumentParser, options: Mapping[str, Mapping[str, Any]]) -> None:
-    """Add the options of a table to a command that reads them itself."""
-    for names, row in options.items():
-        command.add_argument(*names.split(), **{key: said for key, said in row.items() if key not in ("size", "reads")})
-
-
-def add_output(command: argparse.ArgumentParser, metavar: str, help: str, **more: Any) -> None:
-    """Add the option for the file or folder that a command is for."""
-    add_options(command, output(metavar, help, **more))
-
-
-def add_results(command: argparse.ArgumentParser, *, plot: str | None = None) -> None:
-    """Add the options that write a result."""
-    add_options(command, results(plot=plot))
+    parser.set_defaults(run=begin)
 
 
 def check_results(options: argparse.Namespace, inputs: Sequence[str]) -> None:
@@ -223,17 +206,15 @@ def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], An
     from rverror.views.report import to_text  # half of all modules
 
     print(to_text(found), end="")
-    save_results(found, options, draw, options.inputs)
+    save_results(found, options, draw)
 
 
-def save_results(
-    found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None, inputs: Sequence[str], **more: Any
-) -> None:
+def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
     """Write a result, or several of one kind, as the options of `results` ask; with `more` told of it."""
     from rverror.views.envelope import input_files  # half of all modules
     from rverror.views.report import to_html, to_json
 
-    files = input_files(inputs) if options.json or getattr(options, "html", None) else ()
+    files = input_files(options.inputs) if options.json or getattr(options, "html", None) else ()
     if options.json:
         write_json(options.json, to_json(found, files=files, **more))
     if getattr(options, "html", None):
@@ -337,11 +318,6 @@ def arm_option(what: str, more: str = "") -> dict[str, Any]:
     """Option that gives a load over the angle."""
     told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
     return {"--arm": option(f'"{_ARM}"', told)}
-
-
-def add_arm(command: argparse.ArgumentParser, what: str, more: str = "") -> None:
-    """Add the option that gives a load over the angle."""
-    add_options(command, arm_option(what, more))
 
 
 def arm(text: str) -> GravityArm:

@@ -9,19 +9,22 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 from rverror.app.terminal import (
+    MODEL,
+    PROGRESS,
+    WAY,
     Progress,
-    add_arm,
     add_command,
-    add_results,
     arm,
-    check_results,
+    arm_option,
+    choice,
+    option,
     quantity,
+    results,
     save_results,
     say_replaced,
     tell,
 )
 from rverror.base.errors import InputError
-from rverror.base.text import check_name
 from rverror.base.threads import at_most, one_thread
 from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
@@ -49,98 +52,86 @@ def add_commands(commands: Any) -> None:
     ----------
     commands : argparse._SubParsersAction
     """
-    command = add_command(
+    add_command(
         commands,
         "budget",
         brief="output error that the tolerances allow",
         does="Computes what part tolerances do to the output error: how much each contributes, the peak-to-peak of many"
         " virtual units, and with --at how many units solved under load stay within the limits.",
         example='unit.toml tolerances.toml --limit "60 arcsec" --at "20 N*m,412 N*m"',
+        run=_budget,
+        options={
+            **_inputs(plot="contributions and the distribution"),
+            **_LIMITS,
+            "--units": option("N", "virtual units (default 65536)", type=int, default=COUNT),
+            "--loaded-units": option("N", "units solved at the load (default 2000)", type=int),
+            "--resume": option("FOLDER", "store finished parts of the work there, and resume from them"),
+        },
     )
-    _add_inputs(command, plot="contributions and the distribution")
-    _add_limits(command)
-    command.add_argument("--units", type=int, default=COUNT, metavar="N", help="virtual units (default 65536)")
-    command.add_argument("--loaded-units", type=int, metavar="N", help="units solved at the load (default 2000)")
-    command.add_argument(
-        "--resume", metavar="FOLDER", help="store finished parts of the work there, and resume from them"
-    )
-    command.set_defaults(run=_budget)
-
-    command = add_command(
+    add_command(
         commands,
         "allocate",
         brief="the tolerances of least cost within limits",
         does="Finds the tolerances of least cost that keep the output error, lost motion or stiffness of a given share "
         "of units within limits, and verifies them on units solved under load.",
         example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
-    )
-    _add_inputs(command, plot="least cost against the limit; with --kind load the costs")
-    _add_limits(command)
-    command.add_argument(
-        "--kind",
-        choices=("load", "yield", "worst", "rms"),
-        default="load",
-        help="what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
-        "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), its worst case, its "
-        "expected rms",
-    )
-    command.add_argument(
-        "--units", type=int, metavar="N", help="units to verify with (default 2000; closed form: 65536)"
-    )
-    command.add_argument("--save", metavar="NEW.toml", help="write the tolerance file with the widths found")
-    command.set_defaults(run=_allocate)
-
-
-def add_limits(command: argparse.ArgumentParser, *, beside: str = "") -> None:
-    """Add the options of limits on angles to a command; `beside` is what else ``--at`` gives there."""
-    command.add_argument("--limit", metavar='"60 arcsec"', help="limit of the transmission error, peak-to-peak")
-    command.add_argument(
-        "--lost-motion", metavar='"60 arcsec"', help="limit of the lost motion at 3 %% of the rated torque"
-    )
-    command.add_argument("--backlash", metavar='"60 arcsec"', help="limit of the backlash, the play without load")
-    command.add_argument(
-        "--at",
-        "--torque",
-        metavar='"20 N*m,412 N*m"',
-        help=f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}",
+        run=_allocate,
+        options={
+            **_inputs(plot="least cost against the limit; with --kind load the costs"),
+            **_LIMITS,
+            "--kind": choice(
+                ("load", "yield", "worst", "rms"),
+                "load",
+                "what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
+                "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), its worst case, its "
+                "expected rms",
+            ),
+            "--units": option("N", "units to verify with (default 2000; closed form: 65536)", type=int),
+            "--save": option("NEW.toml", "write the tolerance file with the widths found"),
+        },
     )
 
 
-def _add_limits(command: argparse.ArgumentParser) -> None:
-    add_limits(command, beside="; with --speed the load")
-    command.add_argument(
-        "--stiffness",
-        metavar='"100 N*m/arcmin"',
-        help="least torsional stiffness between 50 and 100 %% of the rated torque",
-    )
-    add_arm(command, "a weight as a load of the transmission error")
-    command.add_argument(
-        "--yield", dest="level", metavar='"99 %"', help="least share of the units within the limits (default 99 %%)"
-    )
+def limit_options(beside: str = "") -> dict[str, Any]:
+    """Options of limits on angles; `beside` is what else ``--at`` gives there."""
+    return {
+        "--limit": option('"60 arcsec"', "limit of the transmission error, peak-to-peak"),
+        "--lost-motion": option('"60 arcsec"', "limit of the lost motion at 3 %% of the rated torque"),
+        "--backlash": option('"60 arcsec"', "limit of the backlash, the play without load"),
+        "--at --torque": option(
+            '"20 N*m,412 N*m"',
+            f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}",
+        ),
+    }
 
 
-def _add_inputs(command: argparse.ArgumentParser, *, plot: str) -> None:
-    command.add_argument("model", metavar="MODEL.toml")
-    command.add_argument("tolerances", metavar="TOLERANCES.toml")
-    command.add_argument("--direction", choices=("forward", "reverse"), default="forward")
-    command.add_argument(
-        "--speed", metavar='"600 rpm"', help="input speed at which the error is computed (default: very low speed)"
-    )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the virtual units (default 0)")
-    command.add_argument(
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="processes for units in closed form (default 1), threads for units under load (default: all cores)",
-    )
-    command.add_argument(
-        "--progress", action="store_true", help="show progress also where standard error is no terminal"
-    )
-    add_results(command, plot=plot)
+_LIMITS = {
+    **limit_options("; with --speed the load"),
+    "--stiffness": option('"100 N*m/arcmin"', "least torsional stiffness between 50 and 100 %% of the rated torque"),
+    **arm_option("a weight as a load of the transmission error"),
+    "--yield": option('"99 %"', "least share of the units within the limits (default 99 %%)", dest="level"),
+}
+
+
+def _inputs(*, plot: str) -> dict[str, Any]:
+    return {
+        **MODEL,
+        "tolerances": option("TOLERANCES.toml", reads=True),
+        **WAY,
+        "--speed": option('"600 rpm"', "input speed at which the error is computed (default: very low speed)"),
+        "--seed": option("N", "seed of the virtual units (default 0)", type=int, default=0),
+        "--jobs": option(
+            "N",
+            "processes for units in closed form (default 1), threads for units under load (default: all cores)",
+            type=int,
+        ),
+        **PROGRESS,
+        **results(plot=plot),
+    }
 
 
 def _budget(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options)
+    model, tolerances = _read(options)
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     speed = _speed(options)
     still = _of_load(options) + ["--arm"] * (options.arm is not None)
@@ -177,11 +168,11 @@ def _budget(options: argparse.Namespace) -> None:
 
         return budget_figure(found, limit=limit)
 
-    save_results(found, options, picture, [options.model, options.tolerances], limit=limit)
+    save_results(found, options, picture, limit=limit)
 
 
 def _allocate(options: argparse.Namespace) -> None:
-    model, tolerances = _inputs(options)
+    model, tolerances = _read(options)
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: tuple[FrontPoint, ...] = ()
@@ -199,7 +190,7 @@ def _allocate(options: argparse.Namespace) -> None:
 
         return front_figure(front, found) if front else allocation_figure(found)
 
-    save_results(found, options, picture, [options.model, options.tolerances])
+    save_results(found, options, picture)
 
 
 def _allocated_at_load(options: argparse.Namespace, model: Model, tolerances: tuple[Tolerance, ...]) -> Allocation:
@@ -298,12 +289,8 @@ def _load_of_speed(options: argparse.Namespace, speed: float | None) -> float | 
     return _above_zero("--at", options.at, "torque", "20 N*m") if speed is not None else None
 
 
-def _inputs(options: argparse.Namespace) -> tuple[Model, tuple[Tolerance, ...]]:
-    """Model and tolerances, once the outputs are known to be usable."""
-    inputs = [options.model, options.tolerances]
-    for path in inputs:
-        check_name(path)
-    check_results(options, inputs)
+def _read(options: argparse.Namespace) -> tuple[Model, tuple[Tolerance, ...]]:
+    """Model and tolerances."""
     if options.seed < 0:
         raise InputError(f"--seed: {options.seed} is below 0; give 0 or more")
     model = load_model(options.model)
