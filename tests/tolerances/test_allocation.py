@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings, strategies as st
 
 import rverror
@@ -13,12 +14,12 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.allocation import Allocation, allocate, cost_front
 from rverror.tolerances.blocks import Block
-from rverror.tolerances.constraints import Quantile, WorstPeakToPeak
+from rverror.tolerances.constraints import MeanSquare, Quantile, WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.cost_model import cost_model
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
-from rverror.tolerances.least_cost import Found
+from rverror.tolerances.least_cost import Found, multipliers_of
 from rverror.tolerances.sampling import virtual_units
 from rverror.tolerances.stacking import Stack, stack
 
@@ -264,6 +265,24 @@ def test_smooth_costs_against_a_convex_solver(seed, kind):
     assert found.value <= limit
     assert 0 <= found.gap < 1e-7
     assert found.cost == pytest.approx(total(costs, found.widths))
+
+
+@pytest.mark.parametrize("kind", CONVEX)
+@pytest.mark.parametrize("seed", range(5))
+def test_what_no_widths_undercut_is_no_more_than_the_least_cost_wherever_it_is_read(seed, kind):
+    """Weak duality: also at widths that meet the limit and cost more, all in one proportion; and that of the found."""
+    given = random_stack(seed, nominal=seed % 2)
+    costs = random_curves(seed, given)
+    limit = a_limit(given, costs, kind, 0.1 + 0.16 * seed)
+    least = by_cvxpy(given, costs, limit, kind)
+    bought = buying(given, costs)
+    model = cost_model(bought.labels, bought.width, bought.choices)
+    constraint = {"worst": WorstPeakToPeak, "rms": MeanSquare}[kind](bought)
+    found = np.array(allocate(bought, limit=limit, kind=kind, verify=1000).widths)
+    share = scipy.optimize.brentq(lambda k: limited(given, k * given.width, kind) - limit, 0.1, 10, xtol=1e-13)
+    for widths in (share * given.width, found):
+        lower = multipliers_of(model, limit, [constraint.measure(widths)[1]], widths).lower
+        assert lower <= least * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("kind", CONVEX)
