@@ -79,6 +79,22 @@ def test_a_compensated_unit_is_diagnosed_again_and_its_residual_has_names(tmp_pa
     assert again.after.rms / ARCSEC < 0.25
 
 
+def test_unseen_data_of_a_compensated_unit_are_tested_with_the_new_table_in_place_of_the_old() -> None:
+    """Runs and tables hold the old command, which the new one replaces: what is left is noise, not the old table."""
+    first = rverror.compensate(rverror.Model(UNIT), runs_of(rverror.Model(UNIT, (WAVE,)), turns=2, rms=0.2)).correction
+    worn = rverror.Model(UNIT, (replace(WAVE, values=(0.012, 0.004)),))
+
+    def commanded(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
+        return first.at(theta, TableCondition(direction=1.0 if theta[1] > theta[0] else -1.0))
+
+    fit, unseen = (runs_of(worn, turns=2, rms=0.2, more=commanded, seed=seed) for seed in (0, 1))
+    table = rverror.runs.order_table_from_runs(unseen, UNIT, first.orders)
+    made = rverror.compensate(rverror.Model(UNIT, first.effects()), fit, unseen=[*unseen, table])
+    assert all(one.before / ARCSEC > 2 for one in made.unseen)
+    assert all(one.after / ARCSEC < 0.25 for one in made.unseen[:-1])
+    assert made.unseen[-1].after / ARCSEC < 0.05
+
+
 def test_drift_and_ratio_error_are_no_ones_to_compensate() -> None:
     theta = np.linspace(0, 8 * np.pi, 4001)
     te = 5e-4 * theta + 2e-5 * np.cos(14 * theta) + np.random.default_rng(1).normal(size=theta.size) * 1e-6
