@@ -129,7 +129,6 @@ def diagnosis(
         (1.0, 80.5),
         2.5 * unit,
         (HOSTILE,),
-        (Candidate("sensor.encoder_eccentricity", {}, 900.0, (1.0, 2.0)),),
     )
     lines = (
         Line(36.0, 7 * unit, 6 * unit, 8 * unit, (), 3 * unit, 4 * unit),

@@ -364,7 +364,7 @@ def closed_loop(p: Played, says: Prose) -> None:
     assert [trace.name for trace in found.traces] == ["forward.csv", "reverse.csv"]
     says("None of the others comes near.")
     (added,) = found.added
-    first, second = added.candidates[:2]
+    first, second = found.candidates[:2]
     assert (found.verdict, added.effect.key, first.key) == ("explained", *["sensor.encoder_eccentricity"] * 2)
     assert first.heldout_gain - second.heldout_gain > 1000
     assert added.indistinguishable == ()

@@ -53,14 +53,11 @@ class Candidate:
     indices : mapping
     heldout_gain : float
         What a linear step would take off the objective beside everything that is free.
-    fold_gains : tuple of float
-        Parts of the score, one per stretch left out; empty where it has none.
     """
 
     key: str
     indices: Mapping[str, IndexValue]
     heldout_gain: float
-    fold_gains: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,8 +77,6 @@ class Addition:
         Of the residual of stretches left out, rad: of a reducer with all that was added, of a drive once it was added.
     notes : tuple of str
         Sizes that no workshop makes or that the runs do not tell, and the like.
-    candidates : tuple of Candidate
-        Of the round that chose it, the best first; empty now, as no round chooses it alone.
     """
 
     effect: Effect
@@ -90,7 +85,6 @@ class Addition:
     orders: tuple[float, ...]
     heldout_rms: float
     notes: tuple[str, ...]
-    candidates: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -101,12 +101,11 @@ def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
         **signal.of(addition, "heldout_rms"),
         "summary": known.summary if known else "",
         "frame": known.frame if known else "",
-        "candidates": _ranking(addition.candidates),
     }
 
 
 def _ranking(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
-    """Candidates with the differences of their scores; standard errors where the score of each fold is known."""
+    """Candidates with the differences of their scores."""
     best = candidates[0] if candidates else None
 
     def behind(candidate: Candidate) -> float:
@@ -115,25 +114,9 @@ def _ranking(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
         return difference if difference > 1e-9 * abs(best.heldout_gain) else 0.0
 
     return [
-        {
-            **entry(candidate, key=None, indices=None, heldout_gain=NUMBER, behind_best=(behind, NUMBER)),
-            "standard_error": rounded(standard_error(candidate.fold_gains), 3),
-            "behind_best_standard_error": rounded(error_behind(candidate, candidates[0]), 3),
-        }
+        entry(candidate, key=None, indices=None, heldout_gain=NUMBER, behind_best=(behind, NUMBER))
         for candidate in candidates
     ]
-
-
-def standard_error(scores: Sequence[float]) -> float | None:
-    """Of a sum of as many scores as there are folds."""
-    return float(np.sqrt(len(scores)) * np.std(scores, ddof=1)) if len(scores) > 1 else None
-
-
-def error_behind(candidate: Candidate, best: Candidate) -> float | None:
-    """Standard error of the difference to the best, from scores that belong together."""
-    if candidate is best or len(candidate.fold_gains) != len(best.fold_gains):
-        return None
-    return standard_error([leader - own for leader, own in zip(best.fold_gains, candidate.fold_gains, strict=True)])
 
 
 def _validation(one: Validation, signal: _Signal) -> dict[str, Any]:
@@ -569,9 +552,7 @@ def _candidates(diagnosis: Diagnosis, data: Mapping[str, Any]) -> Sheet:
     heads: dict[str, Field] = {
         "candidate": _named,
         "takes off chi-square": "heldout_gain",
-        "± 1 s.e.": "standard_error",
         "less than the best by": "behind_best",
-        "± 1 s.e. of it": "behind_best_standard_error",
     }
     return listing(ranking, heads) + line(explained * bool(ranking))
 

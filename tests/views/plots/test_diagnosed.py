@@ -38,16 +38,6 @@ def ripple(found: Diagnosis) -> Diagnosis:
     return replace(found, traces=traces, quantity="torque", noise_rms=found.noise_rms / ARCSEC)
 
 
-@pytest.fixture(scope="module")
-def scored(found: Diagnosis) -> Diagnosis:
-    """The same with the ranking of a first round, each score with two revolutions that it comes from."""
-    ranked = tuple(
-        replace(c, fold_gains=(0.4 * c.heldout_gain, (0.6 + 0.01 * i) * c.heldout_gain))
-        for i, c in enumerate(found.candidates)
-    )
-    return replace(found, added=(replace(found.added[0], candidates=ranked),))
-
-
 def ticks(ax: Axes) -> list[str]:
     return [tick.get_text() for tick in ax.get_yticklabels()]
 
@@ -102,52 +92,32 @@ def test_a_torque_ripple_is_drawn_in_newton_metres(ripple: Diagnosis, found: Dia
     assert of_torque == pytest.approx(of_error / 1e3)
 
 
-def test_candidates_are_ranked_as_the_report_ranks_them(scored: Diagnosis) -> None:
-    data = to_json(scored)["added"][0]["candidates"]
-    ax = scored.plot(kind="candidates")
+def test_candidates_are_ranked_as_the_report_ranks_them(found: Diagnosis) -> None:
+    data = to_json(found)["candidates"]
+    ax = found.plot(kind="candidates")
     assert len(ticks(ax)) == min(len(data), 10)
-    assert scored.added[0].effect.key in ax.get_title()
-    bars = ax.containers
-    for row, bar, label in zip(data, bars, ticks(ax), strict=False):
+    assert found.added[0].effect.key in ax.get_title()
+    for at, (row, label, point) in enumerate(zip(data, ticks(ax), ax.lines, strict=False)):
         assert label.startswith(row["key"])
-        point, _, ends = bar.lines
         assert point.get_xdata()[0] == pytest.approx(row["behind_best"], rel=1e-4, abs=1e-6)
-        if row["behind_best_standard_error"] is None:
-            assert not ends
-            continue
-        (low, _), (high, _) = ends[0].get_segments()[0]
-        assert (high - low) / 2 == pytest.approx(row["behind_best_standard_error"], rel=5e-3)
-    assert {bar.lines[0].get_ydata()[0] for bar in bars} == set(range(len(bars)))
+        assert point.get_ydata()[0] == at
 
 
-def test_candidates_of_the_last_round_and_of_none(scored: Diagnosis) -> None:
-    rounds = 1 + len(scored.added)
-    last = scored.plot(kind="candidates", round=rounds)
-    assert "last round" in last.get_title()
-    assert ticks(last)[0].startswith(scored.candidates[0].key)
-    with pytest.raises(InputError, match=rf"round = {rounds + 1}: this diagnosis has rounds 1 to {rounds}"):
-        scored.plot(kind="candidates", round=rounds + 1)
-    empty = replace(scored, added=(), candidates=()).plot(kind="candidates")
+def test_candidates_where_nothing_was_added_or_scored(found: Diagnosis) -> None:
+    assert "nothing added" in replace(found, added=()).plot(kind="candidates").get_title()
+    empty = replace(found, added=(), candidates=()).plot(kind="candidates")
     assert "none was scored" in empty.get_title()
     assert ticks(empty) == []
 
 
-def test_what_cannot_be_told_apart_is_marked(scored: Diagnosis) -> None:
-    first = scored.added[0]
-    other = first.candidates[1]
+def test_what_cannot_be_told_apart_is_marked(found: Diagnosis) -> None:
+    first, other = found.added[0], found.candidates[1]
     marked = replace(first, indistinguishable=((other.key, other.indices),))
-    ax = replace(scored, added=(marked,)).plot(kind="candidates")
-    faces = [bar.lines[0].get_markerfacecolor() for bar in ax.containers]
+    ax = replace(found, added=(marked,)).plot(kind="candidates")
+    faces = [point.get_markerfacecolor() for point in ax.lines]
     assert faces[0] == faces[1] != "white"
     assert set(faces[2:]) == {"white"}
     assert "cannot be told" in legend(ax)[0]
-
-
-def test_scores_without_their_revolutions_have_no_error(found: Diagnosis) -> None:
-    bare = tuple(replace(c, fold_gains=()) for c in found.candidates)
-    ax = replace(found, added=(), candidates=bare).plot(kind="candidates")
-    assert len(ax.containers) == min(len(bare), 10)
-    assert not any(bar.lines[2] for bar in ax.containers)
 
 
 def test_the_spectrum_reaches_what_was_found_and_names_it(found: Diagnosis) -> None:

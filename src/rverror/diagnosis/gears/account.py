@@ -71,9 +71,8 @@ def account(
     lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
-    ranked = _candidates(search)
     held = residual(fit).heldout_rms if fit.added else 0.0
-    added = tuple(_addition(search, best, at, ranked, halves, held) for at in range(len(fit.added)))
+    added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
         search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
     origin = [a.effect for a in added]
@@ -94,7 +93,7 @@ def account(
         unexplained=lines,
         model=result,
         declared=declared,
-        candidates=ranked,
+        candidates=_candidates(search),
         tried=len(search.candidates),
         traces=tuple(_traces(runs, printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
@@ -222,9 +221,7 @@ def _values(fit: Fit) -> Array:
     return np.array([*sizes, *soft, *np.zeros(len(fit.bench.zeros))])
 
 
-def _addition(
-    search: Search, node: Hypothesis, number: int, ranked: tuple[Candidate, ...], halves: Sequence[float], held: float
-) -> Addition:
+def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[float], held: float) -> Addition:
     fit = node.fit
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
@@ -244,10 +241,7 @@ def _addition(
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
-    return Addition(
-        replace(effect, origin=origin), tuple(estimates), alike, _orders(fit, at), held, tuple(notes),
-        ranked,
-    )  # fmt: skip
+    return Addition(replace(effect, origin=origin), tuple(estimates), alike, _orders(fit, at), held, tuple(notes))
 
 
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:

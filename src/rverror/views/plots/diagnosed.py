@@ -18,7 +18,6 @@ from rverror.base.numbers import brief
 from rverror.base.text import describe, file_name
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import residual_spectrum
-from rverror.views.diagnosis_report import error_behind
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     ORDER,
@@ -136,47 +135,23 @@ def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     )
 
 
-def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) -> Axes:
-    """Candidates of one round by their score behind the best, with the standard error of that difference.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    round : int
-        Rounds count from 1; the last one added nothing, or had no room for more.
-
-    Raises
-    ------
-    InputError
-        If there is no such round.
-
-    Notes
-    -----
-    The score is what a linear step with the candidate takes off the objective.  Scores that are given in parts have the
-    standard error of their difference: sqrt(n) times the standard deviation of the parts' differences.
-    """
-    rounds = [(a.candidates, a) for a in diagnosis.added if a.candidates] + [(diagnosis.candidates, None)]
-    if not 1 <= round <= len(rounds):
-        raise InputError(f"round = {round}: this diagnosis has rounds 1 to {len(rounds)}")
-    ranking, addition = rounds[round - 1]
+def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """Candidates by their score behind the best: what a linear step with each takes off the objective."""
+    ranking = diagnosis.candidates
     shown = ranking[:_RANKED]
     ax, _ = axes_of_rows(ax, [plain(describe(one.key, one.indices)) for one in shown], upwards=False)
     # fits at the load choose, not these scores of linear waveforms
-    alike = [(addition.effect.key, addition.effect.indices), *addition.indistinguishable] if addition else []
+    alike = [
+        cause for one in diagnosis.added for cause in ((one.effect.key, one.effect.indices), *one.indistinguishable)
+    ]
     behind = [ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown]
-    errors = [error_behind(candidate, ranking[0]) for candidate in shown]
-    for at, (candidate, difference, error) in enumerate(zip(shown, behind, errors, strict=True)):
-        bar = None if error is None else [error]
+    for at, (candidate, difference) in enumerate(zip(shown, behind, strict=True)):
         face = _AFTER if (candidate.key, candidate.indices) in alike else "white"
-        ax.errorbar([difference], [at], xerr=bar, fmt="o", color=_AFTER, mfc=face, ms=5, capsize=2.5, lw=1.0)
+        ax.plot([difference], [at], "o", color=_AFTER, mfc=face, ms=5)
     gain = f"the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "none was scored"
-    if addition:
-        added = plain(describe(addition.effect.key, addition.effect.indices))
-        title = f"candidates of round {round}: {gain}\nadded: {added}"
-    else:
-        title = f"candidates of the last round: {gain}; nothing more added"
-    xlabel = "score behind the best, fall of the objective by a linear step (a number)"
-    ax.set(xlabel=xlabel, title=title)
+    added = ", ".join(plain(describe(one.effect.key, one.effect.indices)) for one in diagnosis.added)
+    title = f"candidates: {gain}\n" + (f"added: {added}" if added else "nothing added")
+    ax.set(xlabel="score behind the best, fall of the objective by a linear step (a number)", title=title)
     ax.title.set_fontsize("medium")
     if not ranking:
         ax.set_xlim(0, 1)
@@ -184,9 +159,8 @@ def candidates(diagnosis: Diagnosis, *, round: int = 1, ax: Axes | None = None) 
     _spread(ax, behind)
     from matplotlib.lines import Line2D
 
-    barred = any(error is not None for error in errors)
-    marks = [("white", "others; bars: standard error of the difference" if barred else "others")]
-    if addition:
+    marks = [("white", "others")]
+    if added:
         marks.insert(0, (_AFTER, "added at the load, and what cannot be told from it"))
     handles = [Line2D([], [], marker="o", ls="", color=_AFTER, mfc=face, label=label) for face, label in marks]
     legend_below(ax, columns=2, handles=handles)
