@@ -307,7 +307,8 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
     unit, now = fit.bench.unit, fit.model.mechanism
     if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
         return ()
-    count, values = sum(len(e.values) for e in fit.model.effects), soft_values(now).tolist()
+    count = sum(len(e.values) for e in fit.model.effects)
+    stated, values = soft_values(unit).tolist(), soft_values(now).tolist()
     result = []
     for at in np.flatnonzero(fit.bench.soft).tolist():
         own, half, name = count + at, halves[count + at], SOFTENING[at]
@@ -317,7 +318,7 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
             sizes = getattr(unit.stiffness, name), value, value * math.exp(-half), value * math.exp(half)
         else:
             low = max(values[at] - half, float(SOFT_BOUNDS[at, 0]))
-            sizes = soft_values(unit).tolist()[at], values[at], low, values[at] + half
+            sizes = stated[at], values[at], low, values[at] + half
         dimension = "stiffness" if at < 6 else "length" if name == "gear_backlash" else "number"
         result.append(ElasticEstimate(name, dimension, *sizes, told))
     return tuple(result)

@@ -511,9 +511,10 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     enough : float
         Fall of the objective below which it has settled.
     """
+    backlash = soft_values(fit.bench.unit)[SOFTENING.index("gear_backlash")]
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
-        + [soft_values(fit.bench.unit)[6] + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
+        + [backlash + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
