@@ -101,16 +101,22 @@ class _Closings:
     width: int  # contacts of an angle: pins, their ways along the profiles where these count, flanks and bearings
     matrix: Any  # sparse, shape (angles * width, components); mm per core unit
 
-    def _rows(self, places: Integers) -> Any:
-        return self.matrix[(places[:, None] * self.width + np.arange(self.width)).ravel()]
-
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
-        return np.asarray(self._rows(places) @ values).reshape(places.size, self.width)
+        rows, angles = self._rows(places), self.matrix.shape[0] // self.width
+        if 2 * places.size > angles:  # all rows are multiplied sooner than most of them are picked
+            return np.asarray((self.matrix @ values).reshape(angles, self.width)[places], dtype=np.float64)
+        return np.asarray((self.matrix[rows] @ values).reshape(-1, self.width), dtype=np.float64)
+
+    def _rows(self, places: Integers) -> Integers:
+        return np.asarray((places[:, None] * self.width + np.arange(self.width)).ravel())
 
     def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        return np.array([force @ self._rows(places[n : n + 1]) for n, force in enumerate(forces)])
+        own = np.arange(0, forces.size + 1, self.width)  # of each angle its own contacts
+        shape = places.size, self.matrix.shape[0]
+        forced = scipy.sparse.csr_array((forces.ravel(), self._rows(places), own), shape=shape)
+        return np.asarray((forced @ self.matrix).toarray(), dtype=np.float64)
 
 
 @dataclass(frozen=True)
