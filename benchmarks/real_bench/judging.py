@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 import itertools
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -65,10 +67,40 @@ def outcome(truth: Mapping[str, Any], found: Mapping[str, Any]) -> str:
     return "right" if near else "poor"
 
 
+def counted_from_marks(truth: Mapping[str, Any], found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What is missing, with the pins counted from the marks that were found.
+
+    Where all else repeats with the crank, no run tells the marks from those a turn of the crank, one pitch of the pins,
+    further on.  Marks that are k pitches ahead of those found make pin p the pin p - k.
+    """
+    note = next((n for n in found.get("notes", []) if n.startswith("index unknown")), "")
+    placed = re.search(r"marks are (\S+) \+- .* whole turns of the crank, (\S+) deg", note)
+    if not placed:
+        return [dict(effect) for effect in truth["undeclared"]]
+    at, pitch = map(float, placed.groups())
+    ahead, pins = round((truth["marks_ahead_deg"] - at) / pitch), round(360 / pitch)
+    return [_pins_back(effect, ahead, pins) for effect in truth["undeclared"]]
+
+
+def _pins_back(effect: Mapping[str, Any], ahead: int, pins: int) -> dict[str, Any]:
+    """An effect with its pins counted from one that is some pins further on."""
+    if not effect["key"].startswith("cycloid.pin_"):
+        return dict(effect)
+    moved = dict(effect)
+    if isinstance(effect.get("pin"), int):
+        moved["pin"] = (effect["pin"] - ahead) % pins
+    turn = cmath.exp(-2j * math.pi * effect.get("harmonic", 0) * ahead / pins)
+    for way in ("radial", "tangential"):
+        if f"{way}_cos" in effect:
+            wave = complex(*(float(effect[f"{way}_{part}"].split()[0]) for part in ("cos", "sin"))) * turn
+            moved |= {f"{way}_cos": f"{wave.real:.6f} um", f"{way}_sin": f"{wave.imag:.6f} um"}
+    return moved
+
+
 def sizes_inside(truth: Mapping[str, Any], found: Mapping[str, Any]) -> tuple[int, int]:
     """How many true sizes of effects that were found on their indices lie in their intervals, and of how many."""
     inside = total = 0
-    for effect, one in itertools.product(truth["undeclared"], found["added"]):
+    for effect, one in itertools.product(counted_from_marks(truth, found), found["added"]):
         same = all(one["indices"].get(name) == effect[name] for name in INDICES if name in effect)
         if one["key"] != effect["key"] or not same:
             continue

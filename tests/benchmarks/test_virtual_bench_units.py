@@ -151,3 +151,28 @@ def test_sizes_count_where_the_indices_are_right() -> None:
     assert judging.sizes_inside(true, found) == (1, 2)
     found["added"][0]["indices"] = {"disc": 0}
     assert judging.sizes_inside(true, found) == (0, 0)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        {"key": "cycloid.pin_position", "pin": 3, "radial": "9.000 um", "tangential": "6.000 um"},
+        {
+            "key": "cycloid.pin_circle", "harmonic": 3, "radial_cos": "6.000 um", "radial_sin": "2.000 um",
+            "tangential_cos": "-1.000 um", "tangential_sin": "4.000 um",
+        },
+    ],
+)  # fmt: skip
+def test_pins_are_counted_from_the_marks_that_were_found(error: dict[str, Any]) -> None:
+    """The unit with marks two pitches back and pins counted from there reads the same, by the simulator."""
+    theta = 2 * np.pi * np.arange(64) / 64
+    unit = units.Unit(seed=0, family="plain", random=np.random.default_rng(0))
+    unit.marks = math.radians(30.0)
+    true = units.Simulated(unit).readings(units.Recording(1, theta), [error])
+    note = "index unknown: the gear's marks are 12 +- 0.01 deg ahead of it, or whole turns of the crank, 9 deg"
+    told = judging.counted_from_marks({"undeclared": [error], "marks_ahead_deg": 30.0}, {"notes": [note]})
+    unit.marks = math.radians(12.0)
+    again = units.Simulated(unit).readings(units.Recording(1, theta), told)
+    assert np.ptp(true) > 1e-7
+    np.testing.assert_allclose(again, true, atol=1e-10)
+    assert judging.counted_from_marks({"undeclared": [error]}, {"notes": []}) == [error]

@@ -205,7 +205,19 @@ def test_every_ripple_of_the_mesh_has_marks_that_fit_and_the_best_are_taken() ->
     assert best.fit.objective < fit.objective - 4
     assert best.score == pytest.approx(search.score.of(best.fit).score)
     assert (best.fit.model.index_offset - 0.1) / RIPPLE == pytest.approx(0, abs=0.1)
-    assert alike == []
+    assert all(0 < other.objective - best.fit.objective < -2 * math.log(POLICY.alike) for other in alike)
+
+
+def test_waves_of_the_pins_turn_with_the_marks() -> None:
+    """A ripple on, a wave of three looks turned by three pitches of the crank; free marks stay where it was fitted."""
+    sizes = {"radial_cos": "6 um", "radial_sin": "6 um", "tangential_cos": "0.8 um", "tangential_sin": "1.9 um"}
+    for harmonic, ripples in ((2, 2), (3, 2), (5, 2)):
+        wave = rverror.effect("cycloid.pin_circle", harmonic=harmonic, **sizes)
+        fit = at_marks(0.1, SMALL, added=(wave,), off=ripples * RIPPLE)
+        assert abs(fit.model.index_offset - 0.1) > 0.9 * RIPPLE
+        search = search_of(fit)
+        best, _ = ripples_apart(search, search.score.of(fit))
+        assert (best.fit.model.index_offset - 0.1) / RIPPLE == pytest.approx(0, abs=0.1)
 
 
 def test_intervals_hold_the_sizes_at_marks_that_chance_does_not_tell() -> None:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from rverror.base.chance import chi_square
+import numpy as np
+
 from rverror.base.errors import InputError
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account, told_of_runs
@@ -235,26 +236,31 @@ def turned_to(fit: Fit, offset: float) -> Fit:
 
 
 def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit]]:
-    """The set at the best of marks that are ripples of the cycloid mesh apart, and fits that chance does not tell.
+    """The set at the best of marks that are ripples of the cycloid mesh apart, and others within the odds of `alike`.
 
     As pins begin and cease to carry the error ripples, and the objective has a minimum at every ripple: what was
-    declared and found turns with the marks, within what is known of it.
+    declared and found turns with the marks, within what is known of it.  The marks are held until the sizes have turned
+    with them: free marks go back to where these sizes fit.
     """
     fit, policy = one.fit, search.policy
     ripple = 2 * math.pi / fundamental_orders(fit.bench.gears)["cycloid mesh"]
+    others = np.ones(fit.moment.size, dtype=np.bool_)
+    sizes = [source(e.key).acts != "marks" for e in fit.model.effects for _ in e.values]
+    others[: len(sizes)] = sizes
 
     def at(angle: float) -> Fit | None:
         offset = fit.model.index_offset + angle
         try:
-            return fitted(evaluated(fit.bench.anchored(offset), marked(fit.model, offset), fit.declared), steps=30)
+            there = evaluated(fit.bench.anchored(offset), marked(fit.model, offset), fit.declared)
+            return fitted(fitted(there, free=others), steps=30)
         except NotConvergedError:
             return None
 
-    found = each(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1) if step])
-    fits = [fit, *(other for other in found if other)]
+    found = each(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1)])
+    fits = [other for other in found if other] or [fit]
     best = min(fits, key=lambda other: as_compared(other.objective))
-    chance = chi_square(1 - policy.confidence, 1)
-    alike = [other for other in fits if other is not best and other.objective - best.objective < chance]
+    near = -2 * math.log(policy.alike)
+    alike = [other for other in fits if other is not best and other.objective - best.objective < near]
     return search.score.of(best, one.lines, one.slow), alike
 
 

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto
@@ -398,11 +397,11 @@ class Search:
         )
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
-        """Fits at the opposite of a cause that chance does not tell from these: intervals hold theirs too.
+        """Fits at the opposite of a cause within the odds of `alike`: intervals hold theirs too.
 
         Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
         """
-        coarse, most = one.few, one.fit.objective + chi_square(1 - self.policy.confidence, 1)
+        coarse, most = one.few, one.fit.objective - 2 * math.log(self.policy.alike)
         first, trials = len(coarse.declared.effects), []
         for at, effect in enumerate(coarse.added):
             trials += [
