@@ -158,7 +158,7 @@ def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     assert not done
     assert best.names == {named(HEAD)}
     assert len(search.expanded) == len(set(search.expanded))
-    assert {kind for _, kind in search.expanded} > {"singly", "begun_anywhere"}  # the latter is the last kind
+    assert {kind for _, kind in search.expanded} > {"_singly", "begun_anywhere"}  # the latter is the last kind
 
 
 def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
@@ -268,8 +268,8 @@ def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_la
     )  # fmt: skip
     search = search_of(fit, [CAM.key])
     one = search.score.of(fit)
-    assert not any(other.slow for other in search_of(short, [CAM.key]).regular(search.score.of(short)))
-    (settling,) = search.regular(one)
+    assert not any(other.slow for other in search_of(short, [CAM.key]).settling(search.score.of(short)))
+    (settling,) = search.settling(one)
     assert settling.slow
     assert 50 < fit.objective - settling.fit.objective < inexact(fit)
     assert not search.complete(one)

@@ -320,7 +320,7 @@ class Search:
         misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
         if full:
             return [*misplaced, self._lined]
-        return [*misplaced, moves.singly, self._doubly, moves.begun_at_pins, self._lined, moves.begun_anywhere]
+        return [*misplaced, self._singly, self._doubly, moves.begun_at_pins, self._lined, moves.begun_anywhere]
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
@@ -336,14 +336,19 @@ class Search:
         """A set that nearly fits, with its causes in equivalent places or begun anew."""
         yield from self.race(list(self.moves.moved(one)))
 
+    def _singly(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more; and drift and settling, which no part of the gears looks like."""
+        self.keep(self.settling(one))
+        yield from self.moves.singly(one)
+
     def _doubly(self, one: Hypothesis) -> Iterator[Trial]:
-        """Two causes more; and what is regular, if nothing is left then."""
-        self.keep(found for found in self.regular(one) if self.complete(found))
+        """Two causes more; and a line, if nothing is left then."""
+        self.keep(found for found in self.lined(one) if self.complete(found))
         yield from self.moves.doubly(one)
 
     def _lined(self, one: Hypothesis) -> Iterator[Trial]:
-        """What is regular and no part's, late: a wave of the pins has side orders that look like lines."""
-        self.keep(self.regular(one))
+        """A line that no part has, late: a wave of the pins has side orders that look like lines."""
+        self.keep(self.lined(one))
         yield from ()
 
     def challengers(self, one: Hypothesis) -> Iterator[Trial]:
@@ -356,18 +361,28 @@ class Search:
             if part.fit.added and self.moves.nearly(part):
                 yield from self.race(list(self.moves.moved(part)))
 
-    def regular(self, one: Hypothesis) -> list[Hypothesis]:
-        """A set with what is regular and no part's: the strongest free line, or runs that drift and settle."""
-        found, records = list[Hypothesis](), one.fit.bench.records
-        if not one.fit.bench.sampled:  # a table names all its lines
-            return found
+    def settling(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with runs that drift and settle, if they do."""
         one = one.whole
-        if self._settles(one):
-            found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
-        for line in best_lines(one.fit, self.policy, outside=True)[:1]:
-            lined = [replace(r, orders=(*r.orders, line.order)) for r in records]
-            found.append(self._with_records(one, lined, (*one.lines, line.order), slow=one.slow))
-        return found
+        if not self._settles(one):
+            return []
+        slow = [replace(r, slow=True) for r in one.fit.bench.records]
+        return [self._with_records(one, slow, one.lines, slow=True)]
+
+    def lined(self, one: Hypothesis) -> list[Hypothesis]:
+        """A set with the strongest line that no part has."""
+        if not one.fit.bench.sampled:  # a table names all its lines
+            return []
+        one = one.whole
+        return [
+            self._with_records(
+                one,
+                [replace(r, orders=(*r.orders, line.order)) for r in one.fit.bench.records],
+                (*one.lines, line.order),
+                slow=one.slow,
+            )
+            for line in best_lines(one.fit, self.policy, outside=True)[:1]
+        ]
 
     def _with_records(
         self, one: Hypothesis, records: Sequence[Record], lines: Sequence[float], *, slow: bool
