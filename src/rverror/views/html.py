@@ -1,9 +1,11 @@
-"""HTML without script, network or library: escaped text, tables, a page for light and dark, screen and paper."""
+"""HTML that needs nothing else: escaped text, tables, a page for light and dark, screen and paper."""
 
 from __future__ import annotations
 
 import html
+from base64 import b64encode
 from collections.abc import Sequence
+from hashlib import sha256
 
 from rverror.base.numbers import brief
 from rverror.base.text import printable
@@ -103,8 +105,8 @@ def number(value: float | None) -> str:
     return f'<data value="{value!r}">{brief(value)}</data>'
 
 
-def document(title: str, body: str) -> str:
-    """Page that needs nothing else.
+def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:
+    """Page that needs nothing else and may reach nothing: only the scripts given run, told by their hashes.
 
     Parameters
     ----------
@@ -112,17 +114,22 @@ def document(title: str, body: str) -> str:
         Plain text.
     body : str
         HTML.
+    scripts : sequence of str
+        Run once the page is there.
 
     Returns
     -------
     str
     """
+    run = "".join(f"<script>{one}</script>\n" for one in scripts)
+    allowed = "".join(f" 'sha256-{b64encode(sha256(one.encode()).digest()).decode()}'" for one in scripts)
+    scripted = f"; img-src data:; script-src{allowed}" if scripts else ""
     return f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'{scripted}">
 <title>{escaped(title)}</title>
 <style>{_STYLE}</style>
 </head>
@@ -130,6 +137,6 @@ def document(title: str, body: str) -> str:
 <main>
 {body}
 </main>
-</body>
+{run}</body>
 </html>
 """

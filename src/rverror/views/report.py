@@ -37,6 +37,7 @@ from rverror.views.html import document, escaped, escaped_lines
 from rverror.views.kinds import content, described, has_sheet, sheet, with_options
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
+from rverror.views.plots.zoomable import scripts
 from rverror.views.variables import NUMBER, columns
 
 
@@ -169,7 +170,7 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     drawn = "\n".join(f'<figure><div class="scroll">{one}</div></figure>' for one in _figures(result, options))
     parts = [f"<h1>{escaped(name)}</h1>", as_html((*about, *_before_sections(rest))), drawn]
     parts += [as_html((*_sections(rest), *_origin(files)))]
-    return document(f"rverror: {name}", "\n".join(parts))
+    return document(f"rverror: {name}", "\n".join(parts), scripts() if "<script" in drawn else ())
 
 
 def _figures(result: Any, options: Mapping[str, Any]) -> Iterable[str]:

@@ -1,4 +1,4 @@
-"""The pictures of a result's page, as SVG elements."""
+"""The pictures of a result's page."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from rverror.tolerances.allocation import Allocation
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.plots.diagnosed import diagnosis_figure
 from rverror.views.plots.drawing import PICTURES, draw
-from rverror.views.plots.figure import svg_element
+from rverror.views.plots.figure import Figure
 from rverror.views.plots.mechanism_view import mechanism
+from rverror.views.plots.zoomable import figure_element
 
 #: Plots on the page of a kind of result; of any other the usual one.
 _KINDS: Mapping[type, tuple[str, ...]] = MappingProxyType(
@@ -35,7 +36,7 @@ _MOST_RUNS = 4
 
 
 def figures_of(result: Any, **options: Any) -> Iterator[str]:
-    """SVG elements of a page; plots for which a result has nothing to show are left out.
+    """Figures of a page; plots for which a result has nothing to show are left out.
 
     Parameters
     ----------
@@ -44,10 +45,14 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
     **options
         Of plots that take them: the `limit` of a distribution.
     """
+    return (figure_element(figure, number) for number, figure in enumerate(_figures(result, options)))
+
+
+def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
     if isinstance(result, Diagnosis):
         yield from _causes(result)
         if result.shares:
-            yield svg_element(diagnosis_figure(result))
+            yield diagnosis_figure(result)
             return
     own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
     for kind in _KINDS.get(type(result), tuple(own)[:1]):
@@ -58,13 +63,13 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
                 ax = draw(result, kind=kind, **(given | ({"run": run} if run else {})))
             except InputError:  # nothing of the kind, or no further run
                 break
-            yield svg_element(ax.figure)  # type: ignore[arg-type]
+            yield ax.figure  # type: ignore[misc]
 
 
-def _causes(found: Diagnosis) -> Iterator[str]:
+def _causes(found: Diagnosis) -> Iterator[Figure]:
     """The reducer with the causes that were found, as error vectors at their contacts."""
     unit = found.declared.mechanism
     added = [one.effect for one in found.added if one.effect.key in CATALOGUE]
     at_contacts = tuple(effect for effect in added if CATALOGUE[effect.key].acts == "contacts")
     if at_contacts and isinstance(unit, Reducer):
-        yield svg_element(mechanism(Model(unit, at_contacts, found.declared.name)).figure)  # type: ignore[arg-type]
+        yield mechanism(Model(unit, at_contacts, found.declared.name)).figure  # type: ignore[misc]

@@ -1,0 +1,96 @@
+"""Curves of a page that zoom and show the values under the pointer, by mpld3; still pictures where no script runs."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from functools import cache
+from itertools import count
+from pathlib import Path
+
+from rverror.views.plots.figure import Figure, svg_element
+
+#: Draws each figure whose data stand beside its still picture, at the size of that.
+_START = """
+for (const told of document.querySelectorAll("figure script")) {
+  const box = told.parentNode, still = box.querySelector("svg"), figure = JSON.parse(told.textContent);
+  box.id = figure.id;
+  try {
+    mpld3.draw_figure(figure.id, figure);
+  } catch (error) {
+    console.error(error);
+    continue;
+  }
+  const drawn = box.querySelector(".mpld3-figure");
+  drawn.setAttribute("viewBox", `0 0 ${figure.width} ${figure.height}`);
+  for (const side of ["width", "height"]) drawn.setAttribute(side, still.getAttribute(side));
+  still.remove();
+}
+"""
+_DIGITS = 6  # of what is drawn, as of the still picture: a screen shows four
+
+
+def figure_element(figure: Figure, number: int) -> str:
+    """Figure as an SVG element, with the data to draw it anew where all its axes are plain numbers.
+
+    Parameters
+    ----------
+    figure : Figure
+    number : int
+        Of the figure on its page.
+    """
+    return svg_element(figure) + (_data(figure, number) if _can_zoom(figure) else "")
+
+
+@cache
+def scripts() -> tuple[str, ...]:
+    """What draws the figures of a page; nothing without mpld3."""
+    try:
+        from mpld3 import urls
+    except ImportError:
+        return ()
+    library = (Path(path).read_text(encoding="utf-8") for path in (urls.D3_LOCAL, urls.MPLD3MIN_LOCAL))
+    return (*library, _START)
+
+
+def _can_zoom(figure: Figure) -> bool:
+    """Tell whether mpld3 draws and zooms it as matplotlib does.
+
+    It does not know names or logarithms along an axis, equal scales, legends and texts of the whole figure, and shapes
+    across the axes, which it would leave where they are.
+    """
+    from matplotlib.ticker import ScalarFormatter
+    from matplotlib.transforms import BlendedGenericTransform
+
+    axes = [axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)]
+    plain = all(a.get_scale() == "linear" and type(a.get_major_formatter()) is ScalarFormatter for a in axes)
+    drawn = [one for ax in figure.axes for one in (*ax.collections, *ax.texts)]
+    across = any(isinstance(one.get_transform(), BlendedGenericTransform) for one in drawn)
+    across |= any(not one.get_transform().contains_branch(ax.transData) for ax in figure.axes for one in ax.patches)
+    whole = [*figure.legends, *figure.texts, *(one for ax in figure.axes for one in ax.artists)]
+    equal = any(ax.get_aspect() != "auto" for ax in figure.axes)
+    return bool(scripts()) and plain and not (across or whole or equal)
+
+
+def _data(figure: Figure, number: int) -> str:
+    """Data of a figure as a script element that does not run; the same for the same figure."""
+    import mpld3
+
+    dpi = figure.dpi
+    figure.set_dpi(72)  # mpld3 takes points for pixels
+    for ax in figure.axes:
+        ax.yaxis.labelpad += 10  # numbers have more digits once it is zoomed
+        for line in ax.lines:  # across the axes: through the same points of the data
+            line.set_data(*(line.get_transform() - ax.transData).transform(line.get_xydata()).T)
+            line.set_transform(ax.transData)
+    figure.draw_without_rendering()  # places the labels
+    mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of labels, which stay where they are anyway
+        told = json.dumps(mpld3.fig_to_dict(figure), default=float)
+    figure.set_dpi(dpi)
+    names, numbers = dict[str, str](), count()
+    told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
+    told = json.dumps(json.loads(told, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}")))
+    return '<script type="application/json">' + told.replace("<", "\\u003c") + "</script>"
