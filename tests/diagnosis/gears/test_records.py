@@ -13,8 +13,8 @@ import rverror
 from gear_runs import TURN, UNIT, record_of, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.late_faults import second_look
 from rverror.diagnosis.gears.record import Record, conditions_of, records_of
+from rverror.diagnosis.gears.residual_faults import without_residual_faults
 from rverror.diagnosis.noise import RunNoise
 
 MODEL = rverror.Model(UNIT)
@@ -133,10 +133,10 @@ def test_what_stands_out_of_the_residual_is_set_aside_later() -> None:
     record = record_of(30 * ARCSEC * np.cos(48 * THETA) + red(0, N, 0.3, 0.0))
     record.error[900] += 2.4 * ARCSEC
     rest = record.error - 30 * ARCSEC * np.cos(48 * THETA)
-    (changed,) = second_look([record], [rest]) or [record]
+    (changed,) = without_residual_faults([record], [rest]) or [record]
     assert list(np.flatnonzero(~changed.kept)) == [900]
     assert changed.more
-    assert second_look([changed], [rest]) is None
+    assert without_residual_faults([changed], [rest]) is None
 
 
 @pytest.mark.parametrize("direction", ["forward", "reverse"])

@@ -17,11 +17,11 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import half_widths
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
-from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.ranking import Offer, singles
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
+from rverror.diagnosis.gears.residual_faults import nearly_noise
 from rverror.diagnosis.gears.score import Hypothesis, identity, inexact, named, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines

@@ -337,7 +337,7 @@ def _strained(fit: Fit) -> list[str]:
     return notes
 
 
-def told_of_runs(fit: Fit, unit: Reducer) -> list[str]:
+def run_notes(fit: Fit, unit: Reducer) -> list[str]:
     """What the runs of a reducer lack, in words."""
     notes = []
     needed = samples_needed(unit)

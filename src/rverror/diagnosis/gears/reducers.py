@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.threads import each
-from rverror.diagnosis.gears.account import account, told_of_runs
+from rverror.diagnosis.gears.account import account, run_notes
 from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
@@ -24,9 +24,9 @@ from rverror.diagnosis.gears.fit import (
     under,
     walked,
 )
-from rverror.diagnosis.gears.late_faults import nearly_noise, second_look
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import Record, records_of
+from rverror.diagnosis.gears.residual_faults import nearly_noise, without_residual_faults
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
@@ -97,7 +97,7 @@ def diagnose_reducer(
     if anywhere and done:
         best, more = ripples_apart(search, best)
         beside += more
-    notes += told_of_runs(best.fit, unit)
+    notes += run_notes(best.fit, unit)
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
 
 
@@ -125,7 +125,11 @@ def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hyp
         fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit)
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
-        changed = second_look(fit.bench.records, fit.residual, least=least) if calm and not fit.bench.linear else None
+        changed = (
+            without_residual_faults(fit.bench.records, fit.residual, least=least)
+            if calm and not fit.bench.linear
+            else None
+        )
         seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
         if stilled:
             still = stilled(search, best, seen)

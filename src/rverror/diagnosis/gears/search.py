@@ -15,10 +15,10 @@ import numpy as np
 from rverror.base.text import describe
 from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto
-from rverror.diagnosis.gears.late_faults import nearly_noise
 from rverror.diagnosis.gears.moves import Moves, Once, Starts, equivalents
 from rverror.diagnosis.gears.ranking import singles
 from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.residual_faults import nearly_noise
 from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, named, outlook, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.trial import Trial, distinct

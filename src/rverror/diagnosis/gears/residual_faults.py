@@ -1,4 +1,4 @@
-"""Faults of a run that show only once all that is regular is out."""
+"""Faults of the readings that show only in the residual of a fit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def nearly_noise(fit: Fit) -> bool:
     return squares <= fit.bench.policy.nearly_noise * fit.bound
 
 
-def second_look(before: Sequence[Record], residual: Sequence[Array], *, least: float = 0.0) -> list[Record] | None:
+def without_residual_faults(
+    before: Sequence[Record], residual: Sequence[Array], *, least: float = 0.0
+) -> list[Record] | None:
     """Records without what stands out of the residual of a fit; None where nothing more does.
 
     Parameters

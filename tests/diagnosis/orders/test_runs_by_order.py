@@ -8,7 +8,7 @@ import pytest
 import rverror
 from gear_runs import OTHER, TURN, UNIT, runs_of
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.orders.of_runs import passport_of_runs
+from rverror.diagnosis.orders.runs_by_order import passport_of_runs
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.effects import Model
 from rverror.statics.prediction import predict
