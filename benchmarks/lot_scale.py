@@ -4,8 +4,9 @@
 
 Units with two runs of 512 samples each are written, waves of all orders at angles that are not even; no equilibrium is
 solved.  Their runs are compressed with one worker and with two, and half of them too: memory must be that of the whole.
-Then so many copies of the file, with other serials, are read as the parts of one lot.  Every step is a process of its
-own, whose peak memory is that of itself and of its largest worker, less what a process has that does nothing.
+Then so many copies of the file, with other serials, are read as the parts of one lot.  Last, lots of 100 and of so many
+units that follow a model to the first order are estimated.  Every step is a process of its own, whose peak memory is
+that of itself and of its largest worker, less what a process has that does nothing.
 """
 
 from __future__ import annotations
@@ -22,17 +23,23 @@ import resource  # noqa: E402
 import subprocess  # noqa: E402
 import sys  # noqa: E402
 import tempfile  # noqa: E402
+from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
-from time import perf_counter  # noqa: E402
+from time import perf_counter, process_time  # noqa: E402
 
 import numpy as np  # noqa: E402
 
 import rverror  # noqa: E402
 from rverror.app.batch import processes  # noqa: E402
 from rverror.base.units import ARCSEC  # noqa: E402
+from rverror.lots.amplitudes import HIGHEST, Amplitudes, Condition  # noqa: E402
 from rverror.lots.compressed import compress_lot, load_amplitudes  # noqa: E402
+from rverror.lots.made import lot  # noqa: E402
+from rverror.lots.processes import UnitParts, processes_of  # noqa: E402
+from rverror.lots.simulated import Simulator  # noqa: E402
 
 SAMPLES, ORDERS = 512, 120
+MADE = ("crank.eccentricity", "cycloid.disc_bore_position", "cycloid.disc_pitch")
 MODEL = rverror.Model(rverror.reducer("RV-40E"))
 
 
@@ -53,10 +60,31 @@ def write_units(folder: Path, first: int, count: int) -> None:
             rverror.runs.write_run(unit / f"{name}.csv", run)
 
 
+def linear_lot(count: int) -> Amplitudes:
+    """Units of two machines at 412 N m: cams, bores and pitch of 1 um by the influences of the perfect unit, noise."""
+    rng, conditions = np.random.default_rng(count), (Condition(1.0, 412e3), Condition(-1.0, 412e3))
+    processes = processes_of(MODEL, conditions[0])
+    width = len(conditions) * 2 * HIGHEST
+    noise = np.full(width, (0.3 * ARCSEC) ** 2 / SAMPLES)
+    orders, serials = np.arange(1, HIGHEST + 1), tuple(f"{n:06}" for n in range(count))
+    labels = {"machine": tuple("AB"[n % 2] for n in range(count))}
+    empty = Amplitudes(serials, labels, conditions, orders, np.empty((0, width)), noise, SAMPLES)
+    simulator = Simulator(MODEL, UnitParts(processes), empty)
+    parts = simulator.parts
+    influence = simulator.linearised(np.zeros(len(parts.process)), np.zeros(10))[1]
+    spread = [1e-3 * (p.key in MADE and p.indices.get("harmonic", 1) == 1) for p in processes]
+    errors = rng.standard_normal((count, len(parts.process))) * np.array(spread)[parts.process]
+    values = (errors @ influence + rng.standard_normal((count, width))) / simulator.scale
+    return replace(empty, values=values)
+
+
 def step(words: list[str]) -> None:
     """One measured step, told as JSON."""
-    start = perf_counter()
-    if words[0] == "compress":
+    amplitudes = linear_lot(int(words[1])) if words[0] == "lot" else None
+    start, worked = perf_counter(), process_time()
+    if amplitudes is not None:
+        done = lot(MODEL, amplitudes).units
+    elif words[0] == "compress":
         if int(words[3]) > 1:
             with processes(int(words[3])) as executor:
                 done = compress_lot(words[1], MODEL, out=words[2], executor=executor).units
@@ -66,9 +94,9 @@ def step(words: list[str]) -> None:
         done = len(load_amplitudes(words[1:], MODEL).values)
     else:
         done = 0
-    seconds = perf_counter() - start
+    seconds, processor = perf_counter() - start, process_time() - worked
     peaks = [resource.getrusage(who).ru_maxrss / 1024 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(json.dumps({"units": done, "seconds": seconds, "here": peaks[0], "worker": peaks[1]}))
+    print(json.dumps({"units": done, "seconds": seconds, "processor": processor, "here": peaks[0], "worker": peaks[1]}))
 
 
 def measured(*words: object, idle: float = 0.0) -> dict[str, float]:
@@ -119,6 +147,8 @@ def main() -> None:
         print(f"file: {(root / 'two.npz').stat().st_size / options.units / 1e3:.2f} kB a unit")
         parts = [with_other_serials(root / "one.npz", root / f"part-{n}.npz", n) for n in range(options.parts)]
         measured("read", *parts, idle=idle)
+    few, many = (measured("lot", count, idle=idle)["processor"] for count in (100, options.units * options.parts))
+    print(f"processor's time of the larger lot over that of the other: {many / few:.2f}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy
@@ -64,6 +66,8 @@ def test_what_made_a_lot_is_told_where_most_pins_carry_nothing(question: Questio
     found = estimated(question, true, seed=1)
     assert np.all(np.abs(found.state.deviation**2 - made**2) < 4 * found.variance_error)
     assert found.chi_square < scipy.stats.chi2.isf(1e-4, found.freedom)
+    assert not replace(found, chi_square=float(found.freedom)).poor  # as large as chance makes it in the mean
+    assert replace(found, chi_square=2.5 * found.freedom).poor
     pins = question.simulator.parts.processes[0]
     assert pins.key == PINS
     assert found.state.deviation[0] == pytest.approx(2.5e-3, rel=0.3)

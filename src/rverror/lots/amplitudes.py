@@ -15,6 +15,7 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.geartrain.mechanism import Reducer
@@ -340,7 +341,7 @@ def _noise(values: Array, conditions: int) -> Array:
     """
     power = values.var(axis=0, ddof=1).reshape(conditions, 2, -1).mean(axis=1)
     freedom = 2 * (len(values) - 1)
-    below = float(scipy.stats.chi2.ppf(_QUARTER, freedom)) / freedom
+    below = chi_square(1 - _QUARTER, freedom) / freedom
     order, found = np.arange(1, power.shape[1] + 1), np.empty_like(power)
     for at, k in enumerate(order):
         near = (order >= min(k / _WIDE, k - _LEAST_WIDE)) & (order <= max(k * _WIDE, k + _LEAST_WIDE))

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.chance import student
+from rverror.base.chance import chi_square, student
 from rverror.base.text import describe
 from rverror.geartrain.source import IndexValue
 from rverror.lots.processes import UnitParts
@@ -32,6 +32,7 @@ RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
 _VALUES = (2, 20)  # of a label: one tells nothing, and more are serial numbers under another name
 _LEAST = 5  # units of a value, and of the others: a mean of fewer is that of one odd unit
 _SHUFFLES, _COURSE_SHUFFLES = 499, 199  # the tail is fitted to a fifth of them: a hundred and forty
+_ROWS = 64  # contrasts of these together: as many as a product of matrices takes to be fast
 _TAIL = 0.2  # of what chance makes, to which its tail is fitted
 _DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
 _POWER = 0.95  # with which what is at its detection limit is found
@@ -308,7 +309,7 @@ def detection_limit(information: Array, *, tests: int, level: float) -> Array:
     >>> detection_limit(np.array([1.0]), tests=1, level=0.05).round(3)  # 1.96 + 1.645 standard errors
     array([3.605])
     """
-    far = math.sqrt(float(scipy.stats.chi2.isf(level / tests, 1))) + float(scipy.stats.norm.ppf(_POWER))
+    far = math.sqrt(chi_square(level / tests, 1)) + float(scipy.special.ndtri(_POWER))
     with np.errstate(divide="ignore"):
         return np.asarray(far / np.sqrt(information))
 
@@ -399,9 +400,9 @@ def group_differences(
         projected = left @ fits.basis
         chi = fits.chi_squares(contrasts @ projected)
         surprises = fits.surprise(chi)
-        chance = _shuffled(lambda p: fits.surprise(fits.chi_squares(contrasts @ p)), projected, _SHUFFLES, rng).chance(
-            float(surprises.max())
-        )
+        chance = _shuffled(
+            lambda sums: fits.surprise(fits.chi_squares(sums)), contrasts, projected, _SHUFFLES, rng
+        ).chance(float(surprises.max()))
         if chance >= level:
             break
         at = int(np.argmax(surprises))
@@ -441,9 +442,20 @@ def _difference(sized: Array, group: _Group) -> tuple[Array, Array, float]:
     return inside.mean(axis=0) - outside.mean(axis=0), np.sqrt(own + others), student(0.025, freedom)
 
 
-def _shuffled(largest: Callable[[Array], Array], projected: Array, times: int, rng: np.random.Generator) -> Tail:
-    """What chance makes: the largest surprise of units in any order."""
-    return Tail(np.array([largest(rng.permutation(projected)).max() for _ in range(times)]))
+def _shuffled(
+    surprises: Callable[[Array], Array], contrasts: Array, projected: Array, times: int, rng: np.random.Generator
+) -> Tail:
+    """What chance makes: the largest surprise of contrasts of units in any order.
+
+    Their weights are shuffled, some orders at a time: one product of matrices for all of these.
+    """
+    units, found = contrasts.shape[1], list[Array]()
+    while len(found) < times:
+        orders = [rng.permutation(units) for _ in range(min(times - len(found), -(-_ROWS // len(contrasts))))]
+        weights = np.concatenate([contrasts[:, np.argsort(order)] for order in orders])
+        sums = (weights @ projected).reshape(len(orders), len(contrasts), -1)
+        found += [surprises(one).max() for one in sums]
+    return Tail(np.array(found))
 
 
 # --- changes ----------------------------------------------------------------------------------------------------------
@@ -490,8 +502,7 @@ def changes_over_serial(
         contrasts /= np.linalg.norm(contrasts, axis=1, keepdims=True)
         projected = some @ fits.basis
         chi = (contrasts @ projected) ** 2
-        largest = _largest_of(contrasts)
-        chance = _shuffled(largest, projected, _COURSE_SHUFFLES, rng).chance(float(surprise(chi.max(), 1)))
+        chance = _shuffled(_largest, contrasts, projected, _COURSE_SHUFFLES, rng).chance(float(surprise(chi.max(), 1)))
         if chance >= level:
             break
         at = int(np.argmax(chi.max(axis=1)))
@@ -509,8 +520,9 @@ def changes_over_serial(
     return tuple(found)
 
 
-def _largest_of(contrasts: Array) -> Callable[[Array], Array]:
-    return lambda projected: surprise(np.max((contrasts @ projected) ** 2, keepdims=True), 1)
+def _largest(sums: Array) -> Array:
+    """Surprise of the largest of sums of unit variance."""
+    return surprise(np.max(sums**2, keepdims=True), 1)
 
 
 def course(kind: str, first: int, end: int, units: int) -> Array:

@@ -132,7 +132,7 @@ def lot(
         )
     assert estimate is not None
     predicted = _predicted(simulator, amplitudes, estimate, cleaned, seed)
-    chance = float(scipy.stats.chi2.sf(estimate.chi_square, estimate.freedom))
+    chance = float(scipy.special.chdtrc(estimate.freedom, estimate.chi_square))
     orders = simulator.amplitudes.orders
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
@@ -323,7 +323,7 @@ def _means(
                 names.append((process, dict(instance), k))
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
-    far = float(scipy.stats.norm.isf(0.025 / len(rows)))
+    far = -float(scipy.special.ndtri(0.025 / len(rows)))
     found = tuple(
         Shift(
             process.key, indices, process.parameters[k].name, process.parameters[k].dimension,

@@ -28,6 +28,7 @@ _SETTLED = 0.1  # fall of the objective, a chi-square
 _STEP = 4.0  # times which a variance changes in one step
 _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
 _STARTS = 2
+_DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
 _SHARE = 0.3  # of the drawn covariance that is taken block by block: as many units are drawn as three times its size
 
 
@@ -79,7 +80,7 @@ class LotEstimate:
     @property
     def poor(self) -> bool:
         """Whether chance makes so large a chi-square less often than in one lot of 20."""
-        return self.chi_square > chi_square(0.95, self.freedom)
+        return self.chi_square > chi_square(_DOUBTED, self.freedom)
 
     def means(self, rows: Array, simulator: Simulator, mean: Array, units: int) -> tuple[Array, Array]:
         """Systematic errors that a lot's mean shows beside what is drawn, and their standard errors.
@@ -170,12 +171,12 @@ class MomentMatching:
             distance = self._distance(draws, state, weights)
             self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
             state = self._stepped(state, distance, weights, 0.3)
-        for renewal in range(_RENEWALS if again else 1):
+        draws = self.simulator.draws(state, self.standard)
+        for renewal in range(_RENEWALS):
             before, weight = state, self._weight(state)
             weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
-            draws = self.simulator.draws(state, self.standard)
             state, draws, distance = self._settled(state, draws, weights)
-            if again and not renewal and distance.chi_square > chi_square(0.95, self._freedom(weights)):
+            if again and not renewal and distance.chi_square > chi_square(_DOUBTED, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
@@ -386,6 +387,6 @@ def interval(variance: float, error: float) -> tuple[float, float]:
     low, high = math.sqrt(max(variance - 1.96 * error, 0.0)), math.sqrt(variance + 1.96 * error)
     if variance > 2.5 * error:
         freedom = 2 * (variance / error) ** 2
-        low = math.sqrt(variance * freedom / float(scipy.stats.chi2.ppf(0.975, freedom)))
-        high = math.sqrt(variance * freedom / float(scipy.stats.chi2.ppf(0.025, freedom)))
+        low = math.sqrt(variance * freedom / chi_square(0.025, freedom))
+        high = math.sqrt(variance * freedom / chi_square(0.975, freedom))
     return low, high
