@@ -83,12 +83,17 @@ def uncancelled(motion: Contacts, forces: ContactForces, key: str, indices: dict
     return rms(total)
 
 
-def assert_close(found: Array, closed: Array, *, size: Array, limit: float, what: str) -> None:
-    """Each column to `limit` of its rms; to that of its uncancelled size where less than a hundredth of it is left."""
+def assert_close(
+    found: Array, closed: Array, *, size: Array, limit: float, what: str, bound: float | Array = 0.0
+) -> None:
+    """Each column to `limit` of its rms; to that of its uncancelled size where less than a hundredth of it is left.
+
+    And to what finite stiffness is known to leave, `bound`.
+    """
     size = np.maximum(size, 0.01 * size.max())  # a column of nothing, where the difference of two solutions rounds
     scale = np.where(rms(closed) < 0.01 * size, size, rms(closed))
-    wrong = rms(found - closed)
-    assert (wrong <= limit * scale).all(), f"{what}: rms of the difference {wrong}, of the closed form {rms(closed)}"
+    wrong, whole = rms(found - closed), rms(closed)
+    assert (wrong <= limit * scale + bound).all(), f"{what}: rms of the difference {wrong}, of the closed form {whole}"
 
 
 @cache
@@ -200,15 +205,29 @@ def rigid_of_its_size(unit: Reducer) -> Reducer:
     return variant(scaled(unit, 1 / unit.crank_radius), stiffness=stiffness)
 
 
+def given_way(motion: Contacts, forces: ContactForces) -> dict[str, Array]:
+    """What the forces of pins are off at the most: their stiffness times the way that their disc's cams give way.
+
+    A disc that the cams' forces F displace by F / k_cam closes a pin by no more than that, whatever the pin carries:
+    one near its turn from drive to coast side carries as little itself, and a single lobe may meet no other pin.
+    """
+    stiffness = motion.reducer.stiffness
+    way = np.sqrt(dot(forces["cam"], forces["cam"])).max(axis=1) / stiffness.crank_bearing
+    none = {name: np.zeros_like(force) for name, force in forces.items()}
+    return none | {"pin": stiffness.pin_contact * way[:, None, None] * motion.pin_normal}
+
+
 def compare_all(unit: Reducer, theta: Array, *, sense: int) -> None:
     """Closed form and solved forces of every source."""
     motion, loaded = linearised(unit, theta, sense=sense, torque=1e3)
     closed = closed_form_forces(motion)
+    off = given_way(motion, closed)
     for key in KEYS:
         for indices in index_sets(CATALOGUE[key], unit):
             expected, found = (source_matrix(motion, forces, key, indices) for forces in (closed, loaded.forces))
             size = uncancelled(motion, closed, key, indices)
-            assert_close(found, expected, size=size, limit=2 * LIMIT, what=f"{key} {indices}")
+            bound = uncancelled(motion, off, key, indices)
+            assert_close(found, expected, size=size, limit=2 * LIMIT, what=f"{key} {indices}", bound=bound)
 
 
 @given(unit=st.one_of(reducers(discs=(1, 1)), in_phase_reducers()), theta=angles(12), sense=st.sampled_from([1, -1]))
@@ -224,6 +243,16 @@ out_of_phase = reducers(cranks=(3, 4), discs=(2, 4)).filter(lambda unit: unit.pi
 def test_discs_out_of_phase_have_it_too(unit: Reducer, theta: Array, sense: int) -> None:
     """Where the number of discs does not divide that of the pins, the discs carry unequal moments."""
     compare_all(rigid_of_its_size(unit), theta, sense=sense)
+
+
+def test_a_lobe_that_only_a_pin_near_its_turn_meets_has_it_too() -> None:
+    """At one angle of twelve, where its force is 1e-4 of the others': the way that the disc gives is 13 % of it."""
+    unit, lobe = rigid_of_its_size(rverror.reducer("RV-40E", disc_lobes=38, pins=39, cranks=3)), {"disc": 1, "lobe": 37}
+    theta = np.linspace(0, 2 * np.pi / 39, 400, endpoint=False) + 1e-4
+    motion, _ = linearised(unit, theta, sense=1, torque=1e3)
+    felt = np.abs(source_matrix(motion, closed_form_forces(motion), "cycloid.disc_lobe", lobe)[0])
+    least = theta[np.argmin(np.where(felt > 0, felt, np.inf))]
+    compare_all(unit, np.append(least, theta[felt == 0][7::11][:11]), sense=1)
 
 
 def cams_of_least_energy(motion: Contacts, pins: Array) -> Array:
