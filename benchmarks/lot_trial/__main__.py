@@ -27,9 +27,10 @@ Row = dict[str, Any]
 OTHERS = 200  # units of the same lot that are not measured
 
 
-def judged(seed: int, kind: str, folder: Path, units: int | None) -> Row:
+def judged(seed: int, kind: str, folder: Path, units: int | None, *, unmarked: bool = False) -> Row:
     """What is said of one lot beside what is true."""
     made = make.simulate(seed, kind, units)
+    made = make.unmarked(made) if unmarked else made
     make.write(made, folder)
     start = time.perf_counter()
     command = [sys.executable, "-m", "rverror", "lot", str(folder), "--model", str(folder / "model.toml")]
@@ -150,11 +151,12 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--lots", type=int, default=30)
     parser.add_argument("--kind", choices=("plain", "machine", "drift", "sound"), default="plain")
     parser.add_argument("--units", type=int, help="of each lot (default: drawn)")
+    parser.add_argument("--unmarked", action="store_true", help="zeros of the runs are not on the marks")
     given = parser.parse_args(words)
     rows = []
     for seed in range(given.first, given.first + given.lots):
         with tempfile.TemporaryDirectory() as scratch:
-            rows.append(judged(seed, given.kind, Path(scratch) / "lot", given.units))
+            rows.append(judged(seed, given.kind, Path(scratch) / "lot", given.units, unmarked=given.unmarked))
         print(json.dumps(rows[-1]), flush=True)
     print(json.dumps(summed(rows)), flush=True)
 

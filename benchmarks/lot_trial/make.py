@@ -1,6 +1,6 @@
 """A lot of simulated RV-40E with what a bench reads of them, drawn from a seed.
 
-    python -m benchmarks.lot_trial.make --seed S --out FOLDER [--kind plain] [--units N]
+    python -m benchmarks.lot_trial.make --seed S --out FOLDER [--kind plain] [--units N] [--unmarked]
 
 FOLDER gets model.toml, which declares no part error and whose stiffnesses are not the true ones, units.csv with the
 labels of each serial, two runs of one turn for each unit, forward.csv and reverse.csv, and truth.json.  Kinds:
@@ -20,7 +20,7 @@ import math
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -111,6 +111,8 @@ class Lot:
         What truth.json says.
     errors : tuple of tuple of Error
         Of each unit, mm and rad.
+    index : str
+        What the head of each run says of its zero.
     """
 
     serials: tuple[str, ...]
@@ -120,6 +122,7 @@ class Lot:
     outputs: Array
     truth: dict[str, Any]
     errors: tuple[tuple[Error, ...], ...]
+    index: str = ""
 
 
 def draw_plan(seed: int, kind: str, units: int | None) -> Plan:
@@ -278,6 +281,20 @@ def simulate(seed: int, kind: str = "plain", units: int | None = None, torques: 
     )
 
 
+def unmarked(lot: Lot) -> Lot:
+    """The same units, the runs of each begun at a sample of its own, which nobody knows."""
+    begun = np.random.default_rng([lot.truth["seed"], 6]).integers(SAMPLES, size=len(lot.outputs))
+    ideal = np.tile(lot.inputs / 121, (len(lot.torques), 1))
+    outputs = [
+        [
+            way + np.roll(error, by if at % 2 == 0 else -by)
+            for at, (way, error) in enumerate(zip(ideal, unit - ideal, strict=True))
+        ]
+        for unit, by in zip(lot.outputs, begun.tolist(), strict=True)
+    ]
+    return replace(lot, outputs=np.array(outputs), index="unknown")
+
+
 def name_of(key: str) -> str:
     """Key of a class with its harmonic."""
     return f"{key} (harmonic 1)" if "harmonic" in CLASSES[key].indices else key
@@ -320,7 +337,8 @@ def write(lot: Lot, folder: Path) -> None:
         (folder / serial).mkdir(exist_ok=True)
         conditions = itertools.product(lot.torques, zip(("forward", "reverse"), lot.inputs, strict=True))
         for (torque, (direction, given)), read in zip(conditions, runs, strict=True):
-            head = f"# direction: {direction}\n# output_torque: {torque:g} N*m\ninput_angle[deg],output_angle[deg]\n"
+            head = f"# direction: {direction}\n# output_torque: {torque:g} N*m\n"
+            head += f"# index: {lot.index}\n" * bool(lot.index) + "input_angle[deg],output_angle[deg]\n"
             body = "".join(f"{x:.6f},{y:.8f}\n" for x, y in zip(given.tolist(), read.tolist(), strict=True))
             name = direction if len(lot.torques) == 1 else f"{direction}-{torque:g}"
             (folder / serial / f"{name}.csv").write_text(head + body, encoding="utf-8")
@@ -335,9 +353,11 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--kind", choices=("plain", "machine", "drift", "sound"), default="plain")
     parser.add_argument("--units", type=int, help="in place of 60 to 300 by the seed")
     parser.add_argument("--torque", type=int, action="append", default=[], help="N m, in place of the seed's; or more")
+    parser.add_argument("--unmarked", action="store_true", help="zeros of the runs are not on the marks")
     given = parser.parse_args(words)
     start = time.perf_counter()
     lot = simulate(given.seed, given.kind, given.units, given.torque)
+    lot = unmarked(lot) if given.unmarked else lot
     write(lot, given.out)
     loads = ", ".join(f"{torque:g}" for torque in lot.torques)
     print(f"{given.out}: {len(lot.serials)} units at {loads} N*m in {time.perf_counter() - start:.1f} s")

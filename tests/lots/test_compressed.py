@@ -26,7 +26,9 @@ from rverror.lots.made import lot
 MODEL = rverror.Model(UNIT)
 
 
-def put(root: Path, serials: Sequence[str], *, samples: int = 64, ways: Sequence[float] = (1.0,)) -> Path:
+def put(
+    root: Path, serials: Sequence[str], *, samples: int = 64, ways: Sequence[float] = (1.0,), index: str = ""
+) -> Path:
     """Units with runs of their own waves, at angles that are not even."""
     for serial in serials:
         rng = np.random.default_rng([ord(letter) for letter in serial])
@@ -36,7 +38,7 @@ def put(root: Path, serials: Sequence[str], *, samples: int = 64, ways: Sequence
         for way, error in zip(ways, 30 * ARCSEC * waves, strict=False):
             order = slice(None, None, int(way))
             run = rverror.run_from_arrays(
-                input_angle=UNIT.ratio * theta[order], te=error[order], direction=way, torque="50 N*m"
+                input_angle=UNIT.ratio * theta[order], te=error[order], direction=way, torque="50 N*m", index=index
             )
             rverror.runs.write_run(root / serial / f"run{way:+.0f}.csv", run)
     return root
@@ -54,7 +56,7 @@ def many(root: Path, count: int, samples: int = 64) -> Path:
 def check_same(found: Amplitudes, expected: Amplitudes) -> None:
     assert (found.serials, found.labels, found.conditions) == (expected.serials, expected.labels, expected.conditions)
     assert found.orders.tolist() == expected.orders.tolist()
-    assert found.samples == expected.samples
+    assert (found.samples, found.marked) == (expected.samples, expected.marked)
     assert found.notes == expected.notes
     assert np.abs(found.values - expected.values).max() < 1e-5 * ARCSEC
     assert found.noise == pytest.approx(expected.noise, rel=1e-4)
@@ -81,6 +83,16 @@ def test_parts_of_a_lot_make_the_lot(tmp_path: Path) -> None:
     compress_lot([tmp_path / "a.npz", tmp_path / "b"], MODEL, out=tmp_path / "all.npz")
     check_same(load_amplitudes(tmp_path / "all.npz", MODEL), expected)
     assert not list(tmp_path.glob("*.parts"))
+
+
+def test_marks_that_are_unknown_stay_so_in_a_file_and_of_some_units_make_it_so_for_all(tmp_path: Path) -> None:
+    for name, index in (("a", "unknown"), ("b", "")):
+        put(tmp_path / name, [name + letter for letter in "123"], index=index)
+        compress_lot(tmp_path / name, MODEL, out=tmp_path / f"{name}.npz")
+    known, turned, both = (load_amplitudes([tmp_path / f"{n}.npz" for n in names], MODEL) for names in ("b", "a", "ab"))
+    assert (known.marked, turned.marked, both.marked) == (True, False, False)
+    assert (known.notes, turned.notes) == ((), ())
+    assert both.notes == ("no marks are used: those of 3 units are unknown (a1, a2, a3)",)
 
 
 def test_executors_give_the_same_file_byte_for_byte(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import math
 import runpy
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -171,6 +172,9 @@ def test_refusals() -> None:
         lot_of_drives(MODEL, units(waves(5, 0)))
     with pytest.raises(InputError, match=r"give a model with \[drive\]; lot takes reducers"):
         lot_of_drives(rverror.Model(rverror.reducer("RV-40E")), [])
+    turned = [replace(one, runs=(replace(one.runs[0], index="unknown"),)) for one in units(known())]
+    with pytest.raises(InputError, match=r"index: unknown.*turn each to its marks"):
+        lot_of_drives(MODEL, turned)
     with pytest.raises(InputError, match="give a list of units"):
         lot_of_drives(MODEL, ["a"])  # type: ignore[list-item]
 

@@ -120,6 +120,22 @@ def test_amplitudes_of_waves_are_those_of_runs() -> None:
     assert found.waves(found.values, THETA.size)[1, 0] == pytest.approx(wave, abs=1e-12)
 
 
+def test_over_turns_a_covariance_is_the_mean_of_that_of_waves_begun_anywhere() -> None:
+    """Waves of two conditions, begun at each of 64 samples, as no order is above 32."""
+    rng, orders = np.random.default_rng(2), np.array([1, 2, 5, 16, 31])
+    conditions = amplitudes_of(MODEL, made(1, 3, {})).conditions
+    empty = np.zeros((0, 4 * len(orders)))
+    one = Amplitudes((), {}, conditions, orders, empty, np.ones(4 * len(orders)), 64, marked=False)
+    first, second = rng.normal(size=(2, 1, 4 * len(orders)))
+    turned = [
+        [one.of_waves(np.roll(one.waves(unit, 64), by, axis=-1)).ravel() for unit in (first, second)]
+        for by in range(64)
+    ]  # fmt: skip
+    form, expected = np.outer(first, second), np.mean([np.outer(a, b) for a, b in turned], axis=0)
+    assert one.over_turns(form + form.T) == pytest.approx(expected + expected.T, abs=1e-12)
+    assert replace(one, marked=True).over_turns(form) is form
+
+
 def test_the_noise_of_an_amplitude_is_told_beside_strong_parts() -> None:
     """Seven orders in a row that parts make do not count as noise."""
     rng = np.random.default_rng(3)
@@ -143,7 +159,10 @@ def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> Non
     [
         (lambda: units_of(noise(1, 2)), "takes 3 or more"),
         (lambda: [*units_of(noise(1, 3)), *units_of(noise(2, 1))], "serial '000' stands for 2 units"),
-        (lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"),))] * 1, "turn each to its marks"),
+        (
+            lambda: [LotUnit("a", (run(noise(1, 1)[0], index="unknown"), run(noise(1, 1)[0])))],
+            "unit a: index is 'unknown' in some of its runs",
+        ),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0], torque=None),))], "output_torque"),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0][:64], THETA[:64]),))], "it takes a whole turn"),
         (lambda: [], "give three or more"),
@@ -296,6 +315,61 @@ def test_capability_is_the_tolerance_over_what_the_process_needs(told: Lot) -> N
     assert cams.deviation is not None
     needed = cams.deviation.value * math.sqrt(-2 * math.log(0.0027))
     assert cams.capability == pytest.approx(0.01 / needed)
+
+
+SPREAD = {"crank.eccentricity": 2e-3, "cycloid.pin_position": 2.5e-3}
+
+
+def unmarked(units: Sequence[LotUnit], seed: int) -> list[LotUnit]:
+    """The same units, the runs of each begun at a sample of its own."""
+    rng, found = np.random.default_rng(seed), []
+    for unit in units:
+        by = int(rng.integers(COARSE.size))
+        runs = []
+        for one in unit.runs:
+            way = float(one.direction[0])
+            error = np.roll(one.error(MODEL), by if way > 0 else -by)
+            runs.append(run(error, one.nominal_angle(MODEL), way, index="unknown"))
+        found.append(LotUnit(unit.serial, tuple(runs), unit.labels))
+    return found
+
+
+def sizes_of(found: Lot) -> dict[str, tuple[float, float, float]]:
+    """Standard deviations and the ends of their intervals, um."""
+    return {p.key: (1e3 * p.deviation.value, 1e3 * p.deviation.low, 1e3 * p.deviation.high)
+            for p in found.processes if p.deviation}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def both_ways() -> list[LotUnit]:
+    """Units that are measured forward and reverse, at noise beside which what the model lacks does not show."""
+    return made(9, 40, SPREAD, 1.0)
+
+
+def holds(found: Lot) -> None:
+    above = {one.key for one in found.processes if one.above_zero}
+    assert above == set(SPREAD)
+    for key, (_, low, high) in sizes_of(found).items():
+        assert low <= 1e3 * SPREAD.get(key, 0.0) <= high
+    assert (found.outsiders, found.differences, found.changes) == ((), (), ())
+    assert len(found.conditions) == len(found.predicted) == 2
+
+
+def test_a_lot_forward_and_reverse_is_told_to_its_end(both_ways: list[LotUnit]) -> None:
+    found = lot(MODEL, both_ways, tolerances=TOLERANCES)
+    holds(found)
+    assert found.means
+
+
+def test_without_marks_a_lot_is_told_whatever_the_zeros_of_its_units(both_ways: list[LotUnit]) -> None:
+    """Two lots of the same units, begun elsewhere, are the same lot; the means that they hide are not told."""
+    first, second = (lot(MODEL, unmarked(both_ways, seed), tolerances=TOLERANCES) for seed in (1, 2))
+    for key, size in sizes_of(first).items():
+        assert sizes_of(second)[key] == pytest.approx(size, rel=1e-4, abs=1e-6)
+    holds(first)
+    assert (first.means, first.shifts, first.marked) == ((), (), False)
+    assert "groups and changes are not searched" in first.notes[0]
+    assert "no systematic error" not in rverror.to_text(first)
 
 
 def test_an_interval_is_that_of_a_sample_variance() -> None:

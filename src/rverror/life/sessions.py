@@ -197,6 +197,7 @@ def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Arr
     """
     read = [split_unit(model, LotUnit(one.label, one.runs), noun="session") for one in sessions]
     joined = joined_units(read, least=2, noun="session")
+    joined.check_marked("session")
     kept = {serial: number for number, serial in enumerate(joined.serials)}
     chosen = [(one, part) for one, part in zip(sessions, read, strict=True) if one.label in kept]
     zeros = np.array([[part.offsets[c] for c in joined.conditions] for _, part in chosen])

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -89,6 +90,8 @@ class Amplitudes:
         Of a turn.  What is above half of that order folds back, in units that are solved as in those that are measured.
     notes : tuple of str
         What was left out.
+    marked : bool
+        Whether order k has the same phase in all units; else each is turned by k times an angle of its own.
     """
 
     serials: tuple[str, ...]
@@ -99,6 +102,44 @@ class Amplitudes:
     noise: Array
     samples: int
     notes: tuple[str, ...] = ()
+    marked: bool = True
+
+    def check_marked(self, noun: str = "unit") -> None:
+        """Refuse units whose phases cannot be compared.
+
+        Raises
+        ------
+        InputError
+        """
+        if not self.marked:
+            raise InputError(
+                f"{noun}s: the bench's zero is not on the gear's marks (index: unknown); {noun}s are compared at "
+                "aligned zeros: turn each to its marks"
+            )
+
+    @cached_property
+    def same_order(self) -> npt.NDArray[np.bool_]:
+        """Whether two amplitudes are of one order, shape (d, d)."""
+        order = np.tile(self.orders, 2 * len(self.conditions))
+        return np.asarray(order[:, None] == order)
+
+    def over_turns(self, forms: Array) -> Array:
+        """Mean of covariances over all turns of a unit's marks, where these are unknown, shape (..., d, d).
+
+        Of one order it is the mean of a form and the same turned by a quarter of its wave, of two orders none.
+        """
+        if self.marked:
+            return forms
+        count = len(self.orders)
+        other = np.arange(forms.shape[-1]).reshape(-1, 2, count)[:, ::-1].ravel()  # the sine of each cosine
+        sign = np.tile(np.repeat([1.0, -1.0], count), len(self.conditions))
+        turned = sign[:, None] * sign * forms[..., other[:, None], other]
+        return np.where(self.same_order, (forms + turned) / 2, 0.0)
+
+    @property
+    def variance(self) -> Array:
+        """Of each amplitude over the units, shape (d,)."""
+        return np.asarray(np.diag(self.over_turns(np.diag(variance_of(self.values, marked=self.marked)))))
 
     def of_orders(self, kept: npt.NDArray[np.bool_]) -> Amplitudes:
         """The same with some of the orders."""
@@ -134,6 +175,8 @@ class UnitAmplitudes:
         Runs that were left out.
     offsets : mapping of Condition to float
         Mean errors, rad; not kept in compressed files, as a lot has no common zero.
+    marked : bool
+        Whether orders count from the gear's marks.
     """
 
     serial: str
@@ -142,6 +185,7 @@ class UnitAmplitudes:
     samples: int
     notes: tuple[str, ...] = ()
     offsets: Mapping[Condition, float] = field(default_factory=dict)
+    marked: bool = True
 
     @property
     def count(self) -> int:
@@ -222,6 +266,9 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
     if lacking:
         wanted = ", ".join(map(str, conditions))
         notes.append(f"left out: {count_of(len(lacking), noun)} without a run of {wanted} ({some(lacking)})")
+    turned = [one.serial for one in whole if not one.marked]
+    if 0 < len(turned) < len(whole):
+        notes.append(f"no marks are used: those of {count_of(len(turned), noun)} are unknown ({some(turned)})")
     if len(whole) < least:
         wanted = ", ".join(map(str, conditions)) or "of one condition"
         raise InputError(
@@ -235,7 +282,7 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
     labels = {name: tuple(one.labels.get(name, "") for one in whole) for name in names}
     return Amplitudes(
         tuple(one.serial for one in whole), labels, conditions, np.arange(1, count + 1), rows,
-        _noise(rows, len(conditions)), min(one.samples for one in whole), tuple(notes),
+        _noise(rows, len(conditions), marked=not turned), min(one.samples for one in whole), tuple(notes), not turned,
     )  # fmt: skip
 
 
@@ -277,6 +324,12 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
         If runs do not fit the model, or cannot be split.
     """
     found, notes, name = dict[Condition, tuple[Array, Array]](), list[str](), f"{noun} {unit.serial}"
+    turned = {run.index == "unknown" for run in unit.runs}
+    if len(turned) > 1:
+        raise InputError(
+            f"{name}: index is 'unknown' in some of its runs; all runs or none of a {noun} may have a zero that is not "
+            "on the gear's marks"
+        )
     for run in unit.runs:
         run.check_effects(model, name)
         senses = set(run.direction.tolist())
@@ -286,11 +339,6 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
             raise InputError(f"{name}: a run's torque changes over the turn; {noun}s are compared under one torque")
         if not run.torque and isinstance(model.mechanism, Reducer):
             raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
-        if run.index == "unknown":
-            raise InputError(
-                f"{name}: the bench's zero is not aligned with the gear's marks (index: unknown); {noun}s are compared "
-                "at aligned zeros: turn each to its marks"
-            )
         condition = Condition(senses.pop(), abs(float(run.torque or 0.0)))
         theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
         step, longest = travel / theta.size, float(np.diff(theta).max())
@@ -307,7 +355,7 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
     fits = {condition: _fitted(theta, error, _orders(samples)) for condition, (theta, error) in found.items()}
     values = {condition: waves for condition, (_, waves) in fits.items()}
     offsets = {condition: offset for condition, (offset, _) in fits.items()}
-    return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes), offsets)
+    return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes), offsets, turned != {True})
 
 
 def _orders(samples: int) -> int:
@@ -334,13 +382,28 @@ def _fitted(theta: Array, error: Array, count: int) -> tuple[float, Array]:
     return float(found[0].real), np.concatenate([waves.real, -waves.imag])
 
 
-def _noise(values: Array, conditions: int) -> Array:
+def variance_of(values: Array, *, marked: bool = True) -> Array:
+    """Variance of each amplitude over units; about none without marks, which leave no mean.
+
+    Parameters
+    ----------
+    values : ndarray, shape (units, d)
+    marked : bool
+
+    Returns
+    -------
+    ndarray, shape (d,)
+    """
+    return np.asarray(values.var(axis=0, ddof=1) if marked else np.mean(values**2, axis=0))
+
+
+def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
     """Variance of each amplitude that noise makes: about an order, what a quarter of the orders there stay below.
 
     Parts make few of the orders of a range; over all units a noise of the bench makes them alike.
     """
-    power = values.var(axis=0, ddof=1).reshape(conditions, 2, -1).mean(axis=1)
-    freedom = 2 * (len(values) - 1)
+    power = variance_of(values, marked=marked).reshape(conditions, 2, -1).mean(axis=1)
+    freedom = 2 * (len(values) - marked)
     below = chi_square(1 - _QUARTER, freedom) / freedom
     order, found = np.arange(1, power.shape[1] + 1), np.empty_like(power)
     for at, k in enumerate(order):

@@ -117,7 +117,9 @@ class LotFile:
                     conditions = [Condition(float(way), float(torque)) for way, torque in one["conditions"]]
                     labels = {str(name): str(label) for name, label in one["labels"].items()}
                     notes = tuple(map(str, one["notes"]))
-                    unit = UnitAmplitudes(str(one["serial"]), labels, {}, int(one["samples"]), notes)
+                    unit = UnitAmplitudes(
+                        str(one["serial"]), labels, {}, int(one["samples"]), notes, marked=bool(one.get("marked", True))
+                    )
                     rows = values[at : at + 2 * unit.count * len(conditions)].reshape(len(conditions), 2 * unit.count)
                     at += rows.size
                     yield replace(unit, values=dict(zip(conditions, rows, strict=True)))
@@ -466,6 +468,7 @@ def _write(file: PathLike | IO[bytes], head: Mapping[str, Any], units: Iterable[
                     "serial": unit.serial,
                     "labels": dict(unit.labels),
                     "samples": unit.samples,
+                    "marked": unit.marked,
                     "notes": unit.notes,
                     "conditions": [(c.direction, c.torque) for c in unit.values],
                 }

@@ -122,7 +122,7 @@ def _apart(information: Array, own: Array) -> tuple[list[int], dict[int, list[in
 def _orders(amplitudes: Amplitudes, shown: Array) -> npt.NDArray[np.bool_]:
     """Orders with more than noise, and those in which each process would show most."""
     count = len(amplitudes.orders)
-    power = (amplitudes.values.var(axis=0, ddof=1) / amplitudes.noise).reshape(-1, count).mean(axis=0)
+    power = (amplitudes.variance / amplitudes.noise).reshape(-1, count).mean(axis=0)
     kept = (power > _STRONG) & (power >= np.sort(power)[-min(_MOST, count)])
     for row in shown.reshape(len(shown), shown.shape[1] // count, count).sum(axis=1):
         kept[np.argsort(-row)[:_OF_EACH]] = True
@@ -134,7 +134,7 @@ def _start(amplitudes: Amplitudes, shown: Array, workshop: Array, least: Array) 
 
     Steps of an expectation-maximisation: what makes an order is shared out as the workshop would have it.
     """
-    power = np.maximum(amplitudes.values.var(axis=0, ddof=1) / amplitudes.noise - 1, 0.0)
+    power = np.maximum(amplitudes.variance / amplitudes.noise - 1, 0.0)
     variance = (_SPREAD * workshop) ** 2
     for _ in range(_SHARED_OUT):
         made = variance @ shown + 1.0

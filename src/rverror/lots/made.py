@@ -15,7 +15,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given, variance_of
 from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
@@ -45,6 +45,10 @@ _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
 _SETS = 60  # states within the errors that tell how far the prediction is off
+_UNMARKED = (
+    "zeros are not on the marks (index: unknown): systematic errors are part of the standard deviations, and groups "
+    "and changes are not searched"
+)
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -151,7 +155,8 @@ def lot(
         orders.astype(np.float64),
         _rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
         _rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        (*amplitudes.notes, *_used(cleaned)),
+        (*amplitudes.notes, *_used(cleaned), *(() if amplitudes.marked else (_UNMARKED,))),
+        amplitudes.marked,
     )
 
 
@@ -170,7 +175,7 @@ def _matching(
     count = len(simulator.parts.process)
     standard, others = rng.standard_normal((2, _DRAWN, count))
     fresh = rng.standard_normal((3 * simulator.scale.size, count))
-    sample = sample_of(cleaned.values[cleaned.kept])
+    sample = sample_of(cleaned.values[cleaned.kept], marked=simulator.amplitudes.marked)
     return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
 
 
@@ -181,7 +186,8 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     estimate, where enough remain: influences of the first order do not take all of it off.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
-    members, candidates = before.members, candidates_of(influence, simulator.parts)
+    members = before.members
+    candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
     serials = tuple(compress(amplitudes.serials, members))
     labels = {name: tuple(compress(given, members)) for name, given in amplitudes.labels.items()}
     about = values[members] - values[members].mean(axis=0)
@@ -215,14 +221,16 @@ def _outsiders(
     """
     rng = np.random.default_rng(seed + 1)
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
-    members = drawn - drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    marked = simulator.amplitudes.marked
+    members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
     found = outsiders(
-        values[some] - np.median(values[some], axis=0),
+        values[some] - marked * np.median(values[some], axis=0),
         tuple(compress(simulator.amplitudes.serials, some)),
         members,
         estimate.weight,
         estimate.draws.influence,
         simulator.parts,
+        marked=marked,
         level=LEVEL,
     )
     return found if len(found) <= _SPOILT * len(values) else ()
@@ -272,8 +280,12 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
     return (*found, *(_made(process, None, share=0.0) for process in question.silent))
 
 
-def _limits(simulator: Simulator, estimate: LotEstimate, units: int) -> list[tuple[float, float]]:
+def _limits(
+    simulator: Simulator, estimate: LotEstimate, units: int
+) -> list[tuple[float, float]] | list[tuple[None, None]]:
     """Of each process what its least visible part has to be off: between halves of the lot, and in one unit."""
+    if not simulator.amplitudes.marked:
+        return [(None, None)] * len(simulator.parts.processes)
     columns, parts = estimate.draws.influence, simulator.parts
     information = np.einsum("dp,de,ep->p", columns, estimate.weight, columns)
     least = np.array([information[parts.process == number].min() for number in range(len(parts.processes))])
@@ -288,9 +300,10 @@ def _made(process: Process, size: Interval | None, means: Sequence[Shift] = (), 
         reach = 3.0 if len(process.parameters) < 2 or not tolerance.in_vectors else math.sqrt(-2 * math.log(OUTSIDE))
         own = [m.size.value for m in means if m.key == process.key and m.indices == process.indices]
         wanted = [tolerance.mean.get(parameter.name, 0.0) for parameter in process.parameters]
-        off = math.hypot(*(mean - middle for mean, middle in zip(own, wanted, strict=True)))
-        for name, width in (("capability", tolerance.width), ("capability_centred", tolerance.width - off)):
-            told[name] = width / (reach * size.value)
+        told["capability"] = tolerance.width / (reach * size.value)
+        if own:
+            off = math.hypot(*(mean - middle for mean, middle in zip(own, wanted, strict=True)))
+            told["capability_centred"] = (tolerance.width - off) / (reach * size.value)
     return MadeBy(
         key=process.key,
         indices=process.indices,
@@ -308,8 +321,10 @@ def _means(
 ) -> tuple[tuple[Shift, ...], tuple[Shift, ...]]:
     """Means of each process' parts together, and of single ones where they are few; and which are told from none.
 
-    At 5 % of all of them together.
+    At 5 % of all of them together; nothing without known marks.
     """
+    if not simulator.amplitudes.marked:
+        return (), ()
     parts = simulator.parts
     names, rows = list[tuple[Process, dict[str, int | str], int]](), list[Array]()
     for number, process in enumerate(parts.processes):
@@ -350,7 +365,7 @@ def _stiffness(estimate: LotEstimate) -> dict[str, Interval]:
 
 def _rms(amplitudes: Amplitudes, values: Array, noise: float = 0.0) -> Array:
     """Root mean square of each order about the units' mean, rad, shape (conditions, orders)."""
-    power = (values.var(axis=0, ddof=1) + noise) * amplitudes.noise
+    power = (variance_of(values, marked=amplitudes.marked) + noise) * amplitudes.noise
     return np.asarray(np.sqrt(power.reshape(len(amplitudes.conditions), 2, -1).sum(axis=1)))
 
 
@@ -360,7 +375,7 @@ def _predicted(
     """Peak-to-peak of units to come, what is systematic as the measured units have it."""
     rng = np.random.default_rng(seed + 2)
     parts = simulator.parts
-    lifted = cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean
+    lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * amplitudes.marked
     drawn = rng.standard_normal((_PREDICTED, len(parts.process)))
     waves = simulator.waveforms(estimate.state, drawn)
     common = simulator.amplitudes.waves(lifted[None] / simulator.scale, waves.shape[-1])[0]

@@ -22,7 +22,6 @@ _SHAPES = np.linspace(0.0, 1.0, 21)  # of a tail: none is an exponential, a half
 _ALONG, _ALL_OVER = 0.1, 0.3  # mean shape beforehand: what is off all over is lessened along parts, not all in all
 _SCALES = np.exp(np.linspace(-1.2, 1.0, 45))  # of a tail, over its mean: a fifth of 38 units' is their error
 _NORMAL = 1.96  # standard errors to either side of 95 %
-_WAYS = 2  # in which a unit is searched: along its parts, and all in all
 
 
 @dataclass(frozen=True)
@@ -81,6 +80,7 @@ def outsiders(
     influence: Array,
     parts: UnitParts,
     *,
+    marked: bool = True,
     level: float = 0.01,
 ) -> tuple[Outsider, ...]:
     """Units that no member of the lot is like, and for each the part whose error makes it so.
@@ -100,6 +100,8 @@ def outsiders(
     influence : ndarray, shape (d, components)
         Change of the amplitudes per core unit of each component.
     parts : UnitParts
+    marked : bool
+        Whether marks are known; else units are known all in all only, and values are about none.
     level : float
         Chance of an outsider in a lot without any.
 
@@ -108,14 +110,17 @@ def outsiders(
     tuple of Outsider
         The least likely first; without causes where only its whole distance is too large.
     """
-    fits = Fits.of(single_parts(influence, parts), weight)
-    chi, along, tail = _along(fits, weight, values, members)
     total, far, whole = _all_in_all(weight, values, members)
+    ways = [(whole, far)]
+    if marked:
+        fits = Fits.of(single_parts(influence, parts), weight)
+        chi, along, tail = _along(fits, weight, values, members)
+        ways.append((tail, along))
     found = []
     for unit, serial in enumerate(serials):
-        chances = [_WAYS * len(serials) * t.chance(float(x[unit])) for t, x in ((tail, along), (whole, far))]
+        chances = [len(ways) * len(serials) * t.chance(float(x[unit])) for t, x in ways]
         chance = min(chances)
-        if chances[0] < level:
+        if marked and chances[1] < level:
             best = fits.best(chi[unit])
             causes = _causes(fits, best, values[unit], members)
             rivals = fits.rivals(chi[unit], best)

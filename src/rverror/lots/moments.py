@@ -34,7 +34,7 @@ _SHARE = 0.3  # of the drawn covariance that is taken block by block: as many un
 
 @dataclass(frozen=True)
 class Sample:
-    """What a lot says: mean and covariance of its units' whitened amplitudes.
+    """What a lot says: mean and covariance of its units' whitened amplitudes; without known marks about none.
 
     Attributes
     ----------
@@ -253,17 +253,17 @@ class MomentMatching:
     def _weight(self, state: State) -> Array:
         """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
         values = self.simulator.values(state, self.fresh)
-        made = np.cov(values.T)
-        order = np.tile(np.arange(len(self.simulator.amplitudes.orders)), 2 * len(self.simulator.amplitudes.conditions))
-        alike = order[:, None] == order
-        return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~alike) + np.eye(len(made))))
+        amplitudes = self.simulator.amplitudes
+        made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
+        return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~amplitudes.same_order) + np.eye(len(made))))
 
     def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""
         of, units = self.simulator.parts.process, self.sample.units
         kinds = list(draws.squares)
         if both:
-            kinds += [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
+            means = [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
+            kinds += list(self.simulator.amplitudes.over_turns(np.array(means)))
         forms = np.array([weight @ kind @ weight for kind in kinds])
         forms /= np.sqrt(np.einsum("ade,ade->a", forms, forms))[:, None, None]
         noisy = draws.about_mean + np.random.default_rng(1).standard_normal(draws.values.shape)
@@ -272,8 +272,8 @@ class MomentMatching:
         count, prior = len(forms), self.simulator.parts.plausible
         shifted = draws.influence * prior
         whole = draws.mean_covariance(units) + shifted @ shifted.T
-        of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T
-        inverse = np.zeros((count + COMPLIANCES, count + COMPLIANCES))
+        of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * draws.marked]
+        inverse = np.zeros((count + len(of_mean), count + len(of_mean)))
         inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn))
         inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
         return _Weights(forms, of_mean, inverse)
@@ -282,7 +282,7 @@ class MomentMatching:
         """Statistics of the sample less those of the drawn units, and how these change with the state."""
         forms, about, count = weights.forms, draws.about_mean, len(draws.values)
         pressed = np.array([about @ form for form in forms])  # (a, u, d)
-        made = np.einsum("aud,ud->a", pressed, about) / (count - 1)
+        made = np.einsum("aud,ud->a", pressed, about) / (count - draws.marked)
         noise = np.eye(about.shape[1])
         had = np.einsum("ade,de->a", forms, self.sample.covariance - noise)
         shifted = self.sample.mean - draws.mean
@@ -373,9 +373,11 @@ def _inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
 
 
-def sample_of(values: Array) -> Sample:
-    """Mean and covariance of units' whitened amplitudes."""
-    return Sample(values.mean(axis=0), np.cov(values.T), len(values))
+def sample_of(values: Array, *, marked: bool = True) -> Sample:
+    """Mean and covariance of units' whitened amplitudes; about none where they have no marks and so no mean."""
+    if marked:
+        return Sample(values.mean(axis=0), np.cov(values.T), len(values))
+    return Sample(np.zeros(values.shape[1]), values.T @ values / len(values), len(values))
 
 
 def interval(variance: float, error: float) -> tuple[float, float]:

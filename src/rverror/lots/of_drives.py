@@ -183,6 +183,7 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
     check_kind("model", model, Model, "make one with load_model or Model(Drive(ratio=...))")
     check_kind("model: its mechanism", model.mechanism, Drive, "give a model with [drive]; lot takes reducers")
     amplitudes = amplitudes_given(model, units)
+    amplitudes.check_marked()
     count = len(amplitudes.serials)
     if count < _LEAST:
         raise InputError(f"units: {count} of drives, it takes {_LEAST} or more to tell one from the others; add units")

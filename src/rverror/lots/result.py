@@ -227,6 +227,8 @@ class Lot(Viewed):
         same of units that the processes make.
     notes : tuple of str
         What was left out, and what is to be doubted.
+    marked : bool
+        Whether marks are known; else nothing is told of means: of systematic errors, groups and changes.
     """
 
     model: str
@@ -245,3 +247,4 @@ class Lot(Viewed):
     amplitudes: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     made: Array = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     notes: tuple[str, ...] = ()
+    marked: bool = True

@@ -56,6 +56,8 @@ class Draws:
         Mean change per core unit of each component.
     squares : ndarray, shape (processes, d, d)
         Mean of J J', the changes with all components of a process.
+    marked : bool
+        Whether units have a mean that a lot shows: they do not where each is turned by an angle of its own.
     """
 
     values: Array
@@ -63,6 +65,7 @@ class Draws:
     by_compliance: Array
     influence: Array
     squares: Array
+    marked: bool
 
     def covariance(self, deviation: Array) -> Array:
         """Covariance, noise included, were all linear: no contact that opens makes it smaller, shape (d, d)."""
@@ -74,8 +77,8 @@ class Draws:
 
     @cached_property
     def mean(self) -> Array:
-        """Mean amplitudes, shape (d,)."""
-        return np.asarray(self.values.mean(axis=0))
+        """Mean amplitudes that a lot shows, shape (d,)."""
+        return np.asarray(self.values.mean(axis=0) * self.marked)
 
     @cached_property
     def about_mean(self) -> Array:
@@ -171,7 +174,8 @@ class Simulator:
             np.array([one[2] for one in solved]),
             np.array([one[3] for one in solved]),
             rows.mean(axis=0).T,
-            squares,
+            self.amplitudes.over_turns(squares),
+            self.amplitudes.marked,
         )
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:

@@ -248,11 +248,10 @@ _COME = "Peak-to-peaks are those without the differences and changes named above
 def _lot_sheet(thing: Lot) -> Sheet:
     made = thing.processes
     unseen = [process_name(one) for one in made if one.deviation is None]
-    looked = {
-        "systematic error": thing.shifts,
+    looked: dict[str, Sequence[object]] = {
+        **({"systematic error": thing.shifts} if thing.marked else {}),
         "unit that is no member": thing.outsiders,
-        "group that differs": thing.differences,
-        "change over the serials": thing.changes,
+        **({"group that differs": thing.differences, "change over the serials": thing.changes} if thing.marked else {}),
     }
     none = [what for what, found in looked.items() if not found]
     return (
