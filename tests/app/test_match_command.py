@@ -10,10 +10,11 @@ import pytest
 import rverror
 from rverror.app.command_line import main
 
-UNIT = rverror.Reducer(
-    sun_teeth=9, planet_teeth=27, module="1.5 mm", pressure_angle="20 deg", disc_lobes=15, pins=16,
-    pin_circle_radius="64 mm", pin_radius="5 mm", eccentricity="2.4 mm", cranks=2, discs=2, name="small unit",
-)  # fmt: skip
+SIZES = {
+    "sun_teeth": 9, "planet_teeth": 27, "module": "1.5 mm", "pressure_angle": "20 deg", "disc_lobes": 15, "pins": 16,
+    "pin_circle_radius": "64 mm", "pin_radius": "5 mm", "eccentricity": "2.4 mm", "cranks": 2, "discs": 2,
+}  # fmt: skip
+UNIT = rverror.Reducer(**SIZES, name="small unit")
 AT = ["--limit", "60 arcsec", "--at", "150 N*m"]
 
 
@@ -54,6 +55,48 @@ def test_from_tables_to_the_list(folder, capsys):
     limited = [float(size) for row in rows for name, size in row.items() if name.endswith("[arcsec]")]
     assert len(limited) == 6
     assert max(limited) <= 60
+
+
+def test_a_unit_of_the_list_is_the_one_that_was_verified(tmp_path, monkeypatch, capsys):
+    """Three cranks, discs that can be turned, rollers by groove: the equilibrium of the rebuilt model has its error."""
+    monkeypatch.chdir(tmp_path)
+    reducer, rng = rverror.Reducer(**{**SIZES, "cranks": 3}), np.random.default_rng(1)
+
+    def drawn(key, size, **at):
+        return rverror.Effect(key, at, tuple(rng.normal(0, size, len(rverror.CATALOGUE[key].parameters))), 1e-4)
+
+    def part(kind, number, *errors, made_for=0):
+        return rverror.parts.MeasuredPart(kind, f"{kind[0].upper()}{number}", errors, "", made_for)
+
+    parts = [part("crank", n, *(drawn("crank.eccentricity", 3e-3, disc=d) for d in (0, 1))) for n in range(6)]
+    for n in range(4):
+        bores = (drawn("cycloid.disc_bore_position", 3e-3, crank=c) for c in range(3))
+        parts.append(part("disc", n, *bores, drawn("cycloid.disc_pitch", 3e-3, harmonic=1), made_for=n % 2))
+    parts += [part("roller", n, drawn("cycloid.pin_radius", 5e-4)) for n in range(32)]
+    rverror.save_model(Path("unit.toml"), rverror.Model(reducer))
+    rverror.parts.save_parts("parts.csv", parts)
+    assert main(["match", "parts.csv", "--model", "unit.toml", *AT, "--turns", "--save", "units.csv"]) == 0
+    rows = list(csv.DictReader(Path("units.csv").read_text().splitlines()))
+    assert any(size != "0" for row in rows for name, size in row.items() if name.endswith("_turn"))
+    theta = 2 * np.pi * np.arange(2000) / 2000
+    for row in rows:
+        words = ["parts", "parts.csv", "--model", "unit.toml", "--units", "units.csv", "--unit", row["unit"]]
+        assert main([*words, "-o", "built.toml"]) == 0
+        assert f"disc: {row['disc_0']}, {row['disc_1']}" in capsys.readouterr().err
+        built = rverror.load_model("built.toml")
+        assert len(built.effects) == 3 * 2 + 2 * 4 + 16
+        assert all(effect.uncertainty == 1e-4 for effect in built.effects)
+        told = [float(size) for name, size in row.items() if name.endswith("[arcsec]")]
+        for direction, size in zip((1.0, -1.0), told, strict=True):
+            state = rverror.equilibrium(built, theta, torque="150 N*m", direction=direction)
+            assert np.ptp(state.transmission_error) / rverror.ARCSEC == pytest.approx(size, rel=5e-3)
+    for wrong in (
+        ["--unit", "1"],
+        ["--units", "units.csv"],
+        ["--unit", "1", "--units", "units.csv", "--place", "disc=D0,D1"],
+    ):
+        assert main(["parts", "parts.csv", "--model", "unit.toml", *wrong, "-o", "other.toml"]) == 2
+        assert "--units UNITS.csv and --unit N go together" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

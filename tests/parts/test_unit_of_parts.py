@@ -61,6 +61,90 @@ def test_a_disc_at_the_other_place_is_turned_until_its_lobes_stand_right() -> No
         rverror.parts.unit_of_parts(rverror.Model(three), alike)
 
 
+THREE = rverror.reducer("RV-40E", cranks=3, planet_teeth=27)
+ANGLES = np.linspace(0, 2 * np.pi, 50)
+
+
+def body(effects: tuple[rverror.Effect, ...], place: int) -> tuple[dict[int, complex], np.ndarray, float]:
+    """Of a disc as a piece of steel: its bores' centres by their cranks, its profile over the angle, a lobe's crest."""
+    by_key = {key: [e for e in effects if e.key == key] for key in {e.key for e in effects}}
+    bores = {}
+    for e in by_key["cycloid.disc_bore_position"]:
+        bores[e.indices["crank"]] = (27 + complex(*e.values)) * np.exp(2j * np.pi * e.indices["crank"] / 3)
+    profile = sum(
+        e.values[0] * np.cos(e.indices["harmonic"] * ANGLES) + e.values[1] * np.sin(e.indices["harmonic"] * ANGLES)
+        for e in by_key["cycloid.disc_profile"]
+    )
+    (lobe,) = (e.indices["lobe"] for e in by_key["cycloid.disc_lobe"])
+    root = np.ceil(place * 40 / 2) - place / 2  # the page's: pitches from bore 0 to the root from which lobes count
+    return bores, profile, 2 * np.pi * (root + lobe + 0.5) / 39
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("turn", [0, 1, 2])
+def test_a_disc_turned_as_the_list_says_is_the_same_piece_of_steel(place: int, turn: int) -> None:
+    """Bores, profile and the damaged lobe move by a third of a turn together; an angle knows no numbers of lobes."""
+    rng = np.random.default_rng(3)
+    errors = [
+        rverror.Effect("cycloid.disc_bore_position", {"crank": c}, tuple(rng.normal(0, 4e-3, 2))) for c in (0, 1, 2)
+    ]
+    errors += [
+        rverror.Effect("cycloid.disc_profile", {"harmonic": h}, tuple(rng.normal(0, 4e-3, 2))) for h in (1, 2, 3)
+    ]
+    errors.append(rverror.effect("cycloid.disc_lobe", lobe=17, deviation="9 um"))
+    discs = [rverror.parts.MeasuredPart("disc", f"D{p}", tuple(errors), "", p) for p in (0, 1)]
+    unit = rverror.parts.unit_of_parts(rverror.Model(THREE), discs, turns={f"D{place}": turn})
+    bores, _, crest = body(tuple(errors), place)
+    turned, wave, lobe = body(tuple(e for e in unit.effects if e.indices["disc"] == place), place)
+    step = np.exp(2j * np.pi * turn / 3)
+    for crank, centre in bores.items():
+        assert turned[(crank + turn) % 3] == pytest.approx(centre * step, abs=1e-12)
+    moved = sum(
+        e.values[0] * np.cos(h * (ANGLES - 2 * np.pi * turn / 3))
+        + e.values[1] * np.sin(h * (ANGLES - 2 * np.pi * turn / 3))
+        for h, e in enumerate(errors[3:6], 1)
+    )
+    assert wave == pytest.approx(moved, abs=1e-12)
+    assert np.exp(1j * lobe) == pytest.approx(np.exp(1j * crest) * step, abs=1e-12)
+
+
+def test_a_disc_is_not_turned_to_where_its_lobes_do_not_fit() -> None:
+    alike = [rverror.parts.MeasuredPart("disc", name, ()) for name in ("A", "B")]
+    two = rverror.Model(rverror.reducer("RV-40E"))
+    with pytest.raises(InputError, match=r"disc B: .*do not fit at place 1 turned by 0 pitches of its bores; choose"):
+        rverror.parts.unit_of_parts(two, alike, turns={"B": 0})
+    rverror.parts.unit_of_parts(two, alike, turns={"B": -1})
+
+
+LIST = "unit,disc_0,disc_1,housing,disc_1_turn,transmission error at 412 N*m\n2,D18,D17,H1,1,12.5\n7,D17,D18,,0,13\n"
+
+
+def test_a_list_for_the_shop_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "units.csv"
+    for text in (LIST, LIST.replace(",", ";"), "\ufeff" + LIST.replace("\n", "\r\n")):
+        path.write_text(text, encoding="utf-8", newline="")
+        places, turns = rverror.parts.places_in_list(path, 2)
+        assert (places, turns) == ({"disc": ("D18", "D17"), "housing": ("H1",)}, {"D17": 1})
+    unit = rverror.parts.unit_of_parts(rverror.Model(UNIT), [*DISCS, HOUSING], places)
+    assert [e.indices.get("disc") for e in unit.effects] == [0, 1, None]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (LIST, "no unit 3: the list has 2, 7 ...; give one that"),
+        ("", "no unit 3: the list has no numbers in a column unit"),
+        ("a,b\n1,2\n", "no unit 3: the list has no numbers in a column unit"),
+        ("unit,disc_0,disc_2\n3,D17,D18\n", "columns of disc 0, 2; give one for each place, from disc_0 on"),
+        ("unit,disc_0,disc_0_turn\n3,D17,x\n", "unit 3: a disc turned by 'x' pitches; give a whole number"),
+    ],
+)
+def test_a_list_that_cannot_be_used(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "units.csv").write_text(text)
+    with pytest.raises(InputError, match=told):
+        rverror.parts.places_in_list(tmp_path / "units.csv", 3)
+
+
 @pytest.mark.parametrize(
     ("parts", "places", "told"),
     [

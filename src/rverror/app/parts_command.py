@@ -15,7 +15,7 @@ from rverror.model.model_file import append_effects, load_model
 from rverror.parts.draft import draft_parts_mapping
 from rverror.parts.parts_table import save_parts
 from rverror.parts.reading import load_parts
-from rverror.parts.unit import mounted_parts, unit_error, unit_of_parts
+from rverror.parts.unit import mounted_parts, places_in_list, unit_error, unit_of_parts
 
 
 def add_commands(commands: Any) -> None:
@@ -40,6 +40,10 @@ def add_commands(commands: Any) -> None:
             "--mapping": option("MAPPING.toml", "mapping file: which column is which error, with units", reads=True),
             "--draft": flag("write a draft of the mapping for the first file instead"),
             "--place": option("disc=D17,D18", "which serial number goes where", nargs="+", default=[]),
+            "--units": option(
+                "UNITS.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
+            ),
+            "--unit": option("N", "number of the unit in that list", type=int),
             **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them"),
         },
     )
@@ -59,7 +63,11 @@ def _parts(options: argparse.Namespace) -> None:
         raise InputError(
             f"-o {target}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"
         )
-    places, model = _places(options.place), load_model(options.model)
+    if (options.units is None) != (options.unit is None) or (options.units and (options.place or suffix == ".csv")):
+        raise InputError("--units UNITS.csv and --unit N go together, with -o UNIT.toml and without --place")
+    given: tuple[dict[str, tuple[str, ...]], dict[str, int]] = (_places(options.place), {})
+    places, turns = places_in_list(options.units, options.unit) if options.units else given
+    model = load_model(options.model)
     read = load_parts(options.files, model.mechanism, mapping=options.mapping)
     for note in read.notes:
         tell(note)
@@ -69,7 +77,7 @@ def _parts(options: argparse.Namespace) -> None:
     else:
         for kind, serials in mounted_parts(read.parts, model.mechanism, places).items():
             tell(f"{kind}: {', '.join(serials)}" + ("" if kind in places else ", in the order of the files"))
-        unit = unit_of_parts(model, read.parts, places)
+        unit = unit_of_parts(model, read.parts, places, turns=turns)
         say_replaced(target)
         append_effects(options.model, target, unit.effects[len(model.effects) :], overwrite=True)
         _tell_error(unit)

@@ -131,9 +131,9 @@ def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool
         head = [part.kind, part.serial, part.origin, part.made_for or ""]
         for error in part.errors:
             indices = [error.indices.get(name, "") for name in _INDICES]
-            sigma = "" if error.uncertainty is None else repr(error.uncertainty)
+            sigma = "" if error.uncertainty is None else repr(float(error.uncertainty))
             for parameter, value in zip(source(error.key).parameters, error.values, strict=True):
-                own = [parameter.name, repr(value), sigma, CORE_UNITS[parameter.dimension]]
+                own = [parameter.name, repr(float(value)), sigma, CORE_UNITS[parameter.dimension]]
                 table.writerow([*head, error.key, *indices, *own])
         if not part.errors:
             table.writerow(head + [""] * (len(COLUMNS) - len(head)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +12,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each
-from rverror.base.text import describe, shown
+from rverror.base.text import PathLike, describe, read_text, shown, some, split_lines
 from rverror.base.viewed import OneLine
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import rv
@@ -46,7 +48,11 @@ class UnitError(OneLine):
 
 
 def unit_of_parts(
-    model: Model, parts: Sequence[MeasuredPart], places: Mapping[str, Sequence[str]] | None = None
+    model: Model,
+    parts: Sequence[MeasuredPart],
+    places: Mapping[str, Sequence[str]] | None = None,
+    *,
+    turns: Mapping[str, int] | None = None,
 ) -> Model:
     """Model of the unit that is assembled of measured parts.
 
@@ -58,17 +64,20 @@ def unit_of_parts(
     places : mapping of str to sequence of str, optional
         Serial numbers by kind, in the order of the places: ``{"disc": ["D17", "D18"]}``.  Of a kind that is left out
         there must be as many parts as places; they take these in their order.
+    turns : mapping of str to int, optional
+        By how many pitches of its bores a disc is turned counter-clockwise from where it was measured, by its serial
+        number.  A disc that is left out is turned by the fewest with which its lobes stand right.
 
     Returns
     -------
     Model
-        With the errors of the parts, and their uncertainties, behind its own effects.  A disc that is made for another
-        place is turned by pitches of its bores until its lobes stand right, and its errors with it.
+        With the errors of the parts as they stand, and their uncertainties, behind its own effects.
 
     Raises
     ------
     InputError
-        If a serial number is unknown, a place has no part, or the model declares an error that was measured.
+        If a serial number is unknown, a place has no part, a disc does not fit so, or the model declares an error that
+        was measured.
 
     Examples
     --------
@@ -94,24 +103,81 @@ def unit_of_parts(
         for place, serial in zip(places_of(reducer, kind), serials, strict=True):
             part = found[kind, serial]
             origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
-            added += [replace(error, origin=origin) for error in _at_place(part, reducer, place.number)]
+            turn = (turns or {}).get(serial) if kind == "disc" else None
+            added += [replace(error, origin=origin) for error in _at_place(part, reducer, place.number, turn)]
     twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
     if twice:
         raise InputError(f"{twice[0]}: it is measured, and the model declares it too; take it out of the model")
     return model.with_effects(*added)
 
 
-def _at_place(part: MeasuredPart, reducer: Reducer, place: int | None) -> tuple[Effect, ...]:
-    """Errors of a part where it is mounted; a disc is turned by pitches of its bores until its lobes stand right."""
+def _at_place(part: MeasuredPart, reducer: Reducer, place: int | None, turn: int | None) -> tuple[Effect, ...]:
+    """Errors of a part where it is mounted; of a disc, turned by so many pitches of its bores, else by the fewest."""
     if part.kind != "disc" or place is None:
         return part.at(place)
-    turns = disc_turns(reducer, part.made_for, place)
-    if not turns:
+    ways = disc_turns(reducer, part.made_for, place)
+    if not (ways if turn is None else turn % reducer.cranks in ways):
+        so = "" if turn is None else f" turned by {turn} pitches of its bores"
         raise InputError(
-            f"disc {part.serial}: its lobes stand as those of disc {part.made_for}, and do not fit at place {place}; "
-            "choose another, or correct its made_for in the table of parts"
+            f"disc {part.serial}: its lobes stand as those of disc {part.made_for}, and do not fit at place {place}"
+            f"{so}; choose another, or correct its made_for in the table of parts"
         )
-    return mounted(part, reducer, place, turns[0])
+    return mounted(part, reducer, place, ways[0] if turn is None else turn)
+
+
+def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]], dict[str, int]]:
+    """Parts of one unit of a list for the assembly shop, as ``rverror match --save`` writes it.
+
+    Parameters
+    ----------
+    path : str or path-like
+        CSV with a column ``unit``, one for each place such as ``crank_0``, ``disc_1`` or ``housing`` with serial
+        numbers, and ``disc_1_turn`` where discs are turned; other columns do not count.
+    unit : int
+        Its number in the list.
+
+    Returns
+    -------
+    places : dict of str to tuple of str
+    turns : dict of str to int
+        As `unit_of_parts` takes them.
+
+    Raises
+    ------
+    InputError
+        If the file is no such list, or has no such unit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     size = Path(folder, "units.csv").write_text("unit,disc_0,disc_1,disc_1_turn\\n17,D4,D2,1\\n")
+    ...     places_in_list(Path(folder, "units.csv"), 17)
+    ({'disc': ('D4', 'D2')}, {'D2': 1})
+    """
+    lines = split_lines(read_text(path))
+    rows = list(csv.DictReader(lines, delimiter=";" if ";" in lines[0] else ",") if lines else ())
+    numbers = [row.get("unit") or "" for row in rows]
+    if str(unit) not in numbers:
+        listed = f"{', '.join(numbers[:5])} ..." if any(numbers) else "no numbers in a column unit"
+        raise InputError(f"{path}: no unit {unit}: the list has {listed}; give one that `rverror match --save` wrote")
+    row = rows[numbers.index(str(unit))]
+    found: dict[str, dict[int, str]] = {}
+    turned: dict[int, str] = {}
+    for name, text in row.items():
+        match = re.fullmatch(rf"({'|'.join(KINDS)})(?:_(\d+))?(_turn)?", name or "")
+        if match:
+            held = turned if match[3] else found.setdefault(match[1], {})
+            held[int(match[2] or 0)] = (text or "").strip()
+    for kind, at in found.items():
+        if sorted(at) != list(range(len(at))):
+            raise InputError(f"{path}: columns of {kind} {some(sorted(at))}; give one for each place, from {kind}_0 on")
+    odd = [text for text in turned.values() if not re.fullmatch(r"-?\d{1,9}", text)]
+    if odd:
+        raise InputError(f"{path}, unit {unit}: a disc turned by {shown(odd[0])} pitches; give a whole number")
+    places = {kind: tuple(at[place] for place in sorted(at)) for kind, at in found.items()}
+    return places, {found["disc"][place]: int(text) for place, text in turned.items() if place in found.get("disc", {})}
 
 
 def mounted_parts(
