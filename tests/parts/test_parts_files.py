@@ -227,7 +227,9 @@ HOSTILE = {
     "a missing bore": (PLACES, "S,bore,x,y\nK1,0,40.5,0\n", r"carrier 'K1': cranks 1 of 2 missing; measure all"),
     "a bore twice": (PLACES, "S,bore,x,y\n" + BORES + "K1,1,0,0\n", "cranks 1 of 2 measured twice"),
     "a bore that is none": (PLACES, "S,bore,x,y\n" + BORES + "K1,5,0,0\n", "number 5: a unit has cranks 0 to 1"),
-    "XML": (PLACES, '<?xml version="1.0"?><gear_data/>', "this is XML, as GDE of VDI/VDE 2610 is, which is not read"),
+    "XML": (
+        PLACES, '<?xml version="1.0"?><gear_data/>', r"XML, such as GDE .VDI/VDE 2610., is not read; give the chart as",
+    ),
     "kind": ('kind = "wheel"\n', "", "line 1: kind = 'wheel': must be one of crank"),
     "no table": ('kind = "disc"\n', "", r"a mapping has \[\[error\]\] tables"),
     "foreign error": (

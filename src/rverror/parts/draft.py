@@ -11,7 +11,7 @@ from rverror.base.toml import quoted
 from rverror.parts.aqdef import SUFFIXES, open_aqdef
 from rverror.parts.mapping import DATUMS, FEATURES
 from rverror.parts.measured import KINDS
-from rverror.parts.reading import SHEETS, sheet_lines
+from rverror.parts.reading import SHEETS, check_no_xml, sheet_lines
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.draft import described_lines, found_encoding
 from rverror.runs.bench.text import decoded, unit_in_name
@@ -48,6 +48,7 @@ def draft_parts_mapping(path: PathLike) -> str:
         If the file cannot be read, or no rows of numbers are found in it.
     """
     name, suffix = str(path), Path(path).suffix.lower()
+    check_no_xml(path)
     head: list[str] = []
     if suffix in SUFFIXES:
         entries: Sequence[Entry] = open_aqdef(path)[0].entries

@@ -121,11 +121,12 @@ class Feature(PartColumns):
 
 @dataclass(frozen=True, kw_only=True)
 class PartsMapping:
-    """Content of a mapping file; `serial` is None where the name of the file is the serial number."""
+    """Content of a mapping file; `serial` is None where the name of the file is it, `count` where parts are single."""
 
     path: str
     kind: str
     serial: Where | None
+    count: Where | None
     text: TextRules
     groups: tuple[ErrorColumns, ...] | tuple[Feature]
 
@@ -140,7 +141,9 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     """
     toml = read_toml(str(path), read_text(path))
     content = toml.content
-    toml.check_keys((), content, ("name", "kind", "serial", "file", "error", *FEATURES), "key of a mapping of parts")
+    toml.check_keys(
+        (), content, ("name", "kind", "serial", "count", "file", "error", *FEATURES), "key of a mapping of parts"
+    )
     kind = toml.string((), content, "kind", "")
     if kind not in KINDS:
         hint = did_you_mean(kind, KINDS)
@@ -154,13 +157,15 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     if not isinstance(file, dict) or not isinstance(errors, list):
         toml.refuse(tuple(given), "write [file], and [[error]] with two brackets above each error")
     toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "thousands", "skip"), "key of [file]")
-    serial = None
-    if "serial" in content:
-        table = column_table(toml, ("serial",), content["serial"], 'name = "..."', ("name", "column"))
-        serial = scaled_rule(toml, ("serial",), table, 'name = "..."', "").where
+    if "count" in content and kind != "roller":
+        toml.refuse(("count",), f"count: only rollers come in classes, not a {kind}; leave it out")
+    named: dict[str, Where | None] = dict.fromkeys(("serial", "count"))
+    for name in named.keys() & content.keys():
+        table = column_table(toml, (name,), content[name], 'name = "..."', ("name", "column"))
+        named[name] = scaled_rule(toml, (name,), table, 'name = "..."', "").where
     features = (_feature(toml, given[0], content[given[0]], kind),) if given != ["error"] else ()
     groups = features or tuple(_error(toml, ("error", i), item, kind) for i, item in enumerate(errors))
-    return PartsMapping(path=str(path), kind=kind, serial=serial, text=text_rules(toml, file), groups=groups)
+    return PartsMapping(path=str(path), kind=kind, text=text_rules(toml, file), groups=groups, **named)
 
 
 def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColumns:

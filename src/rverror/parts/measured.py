@@ -40,11 +40,14 @@ class MeasuredPart:
         File, and row or feature, from which it was read.
     made_for : int
         Of a disc: the place at which its lobes stand so to its bores.
+    count : int
+        Of a class of rollers, whose name is the serial number: how many there are; their spread is the uncertainty.
 
     Raises
     ------
     InputError
-        If the kind is unknown, an error belongs to another kind, or the same error is given twice.
+        If the kind is unknown, an error belongs to another kind, the same error is given twice, or anything but rollers
+        is counted.
 
     Examples
     --------
@@ -59,12 +62,17 @@ class MeasuredPart:
     errors: tuple[Effect, ...]
     origin: str = ""
     made_for: int = 0
+    count: int = 1
 
     def __post_init__(self) -> None:
         """Check that the errors are this part's."""
         if self.kind not in KINDS:
             hint = did_you_mean(self.kind, KINDS)
             raise InputError(f"part {self.serial}: kind {shown(self.kind)} is none of {', '.join(KINDS)};{hint}")
+        if self.count < 1 or (self.count > 1 and self.kind != "roller"):
+            raise InputError(
+                f"{self.kind} {self.serial}: count = {self.count}: must be 1, or more of a class of rollers"
+            )
         frame, counted = KINDS[self.kind]
         seen = set()
         for error in self.errors:

@@ -20,6 +20,8 @@ from rverror.parts.measured import KINDS, MeasuredPart
 _INDICES = ("crank", "disc", "pin", "lobe", "harmonic")
 #: Columns of the table; what a source has no index of stays empty.
 COLUMNS = ("kind", "serial", "origin", "made_for", "key", *_INDICES, "parameter", "value", "uncertainty", "unit")
+#: One more behind them, where rollers are in classes.
+_COUNTED = (*COLUMNS, "count")
 _ERROR = COLUMNS[: COLUMNS.index("parameter")]
 
 
@@ -36,7 +38,7 @@ class Finding:
     origin : str
         File, and what was measured.
     error : Effect, optional
-    made_for : int
+    made_for, count : int
         As of `MeasuredPart`.
     """
 
@@ -46,6 +48,7 @@ class Finding:
     origin: str
     error: Effect | None
     made_for: int = 0
+    count: int = 1
 
 
 def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[MeasuredPart, ...]:
@@ -84,6 +87,7 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
             tuple(one.error for one in own.values() if one.error),
             "; ".join(filter(None, origins[part])),
             max((one.made_for for one in own.values()), default=0),
+            max((one.count for one in own.values()), default=1),
         )
         for part, own in parts.items()
     )
@@ -126,17 +130,20 @@ def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool
     """
     written = io.StringIO()
     table = csv.writer(written, lineterminator="\n")
-    table.writerow(COLUMNS)
-    for part in parts:
+    every = list(parts)
+    counted = any(part.count > 1 for part in every)
+    table.writerow(_COUNTED if counted else COLUMNS)
+    for part in every:
+        last = [part.count] * counted
         head = [part.kind, part.serial, part.origin, part.made_for or ""]
         for error in part.errors:
             indices = [error.indices.get(name, "") for name in _INDICES]
             sigma = "" if error.uncertainty is None else repr(float(error.uncertainty))
             for parameter, value in zip(source(error.key).parameters, error.values, strict=True):
                 own = [parameter.name, repr(float(value)), sigma, CORE_UNITS[parameter.dimension]]
-                table.writerow([*head, error.key, *indices, *own])
+                table.writerow([*head, error.key, *indices, *own, *last])
         if not part.errors:
-            table.writerow(head + [""] * (len(COLUMNS) - len(head)))
+            table.writerow([*head, *[""] * (len(COLUMNS) - len(head)), *last])
     write_text(path, written.getvalue(), overwrite=overwrite)
 
 
@@ -154,7 +161,7 @@ def read_parts_table(path: PathLike) -> Iterator[Finding]:
         If a cell cannot be what its column says; the line is named.
     """
     rows = csv.DictReader(split_lines(read_text(path)))
-    if tuple(rows.fieldnames or ()) != COLUMNS:
+    if tuple(rows.fieldnames or ()) not in (COLUMNS, _COUNTED):
         raise InputError(f"{path}, line 1: the columns of a table of parts are {', '.join(COLUMNS)}; write it again")
     numbered = ((rows.line_num, row) for row in rows if any(row.values()))
     for error, group in groupby(numbered, lambda each: [each[1][name] or "" for name in _ERROR]):
@@ -163,7 +170,8 @@ def read_parts_table(path: PathLike) -> Iterator[Finding]:
         kind, serial, origin, made_for, key, *_ = error
         try:
             found = _error([row for _, row in lines]) if key else None
-            yield Finding(where, kind, serial, origin, found, int(made_for or 0))
+            count = int(lines[0][1].get("count") or 1)
+            yield Finding(where, kind, serial, origin, found, int(made_for or 0), count)
         except (TypeError, ValueError) as problem:
             raise InputError(f"{where}: {problem}; correct the row") from problem
 

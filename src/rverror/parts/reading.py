@@ -101,6 +101,7 @@ def load_parts(
     for path in [paths] if isinstance(paths, (str, os.PathLike)) else paths:
         check_name(path)
         own: list[str] = []
+        check_no_xml(path)
         if is_parts_table(_head(path)):
             findings += read_parts_table(path)
         elif rules is None:
@@ -125,6 +126,15 @@ def _head(path: PathLike) -> str:
     return raw.decode("utf-8", errors="replace").removeprefix("\ufeff")
 
 
+def check_no_xml(path: PathLike) -> None:
+    """Refuse XML, such as GDE of VDI/VDE 2610: of this there is no public schema or sample to test a reader with."""
+    if Path(path).suffix.lower() in (".gde", ".xml") or _head(path).lstrip().startswith("<"):
+        raise InputError(
+            f"{path}: XML, such as GDE (VDI/VDE 2610), is not read; give the chart as CSV, a row for each tooth, "
+            "and map it by [teeth]"
+        )
+
+
 def sheet_lines(path: PathLike) -> list[str]:
     """Lines of a spreadsheet, with tabs between its cells.
 
@@ -143,8 +153,6 @@ def _opened(path: PathLike, text: TextRules, wanted: Sequence[str | int]) -> tup
         return open_aqdef(path)
     if suffix in SHEETS:
         return open_lines(str(path), sheet_lines(path), replace(text, separator="\t"), wanted), {}
-    if _head(path).lstrip().startswith("<"):
-        raise InputError(f"{path}: this is XML, as GDE of VDI/VDE 2610 is, which is not read; give CSV, xlsx or .dfq")
     return open_text(path, text, wanted), {}
 
 
@@ -152,7 +160,7 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     """What a machine's file says of its parts."""
     serial = rules.serial or (Where(name="K0014") if Path(path).suffix.lower() in SUFFIXES else None)
     places = [column.rule.where for group in rules.groups for column in group.columns.values()]
-    places += [serial] if serial else []
+    places += [where for where in (serial, rules.count) if where]
     file, nominal = _opened(path, rules.text, [where.column or where.name for where in places])
     notes += file.notes
     bench = BenchMapping(path=rules.path, text=rules.text)
@@ -164,10 +172,20 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
         return f"{file.path}, {file.noun} {labels[row]}"
 
     notes += left_out_columns(file, entries)
+    counts = np.ones(len(labels))
+    if rules.count:
+        counts = as_samples(file.path, "count", file.read([found_entry(file, bench, rules.count)])[0])
+    odd = ~(counts >= 1) | (counts != np.rint(counts))
+    if odd.any():
+        raise InputError(f"{at(int(odd.argmax()))}: count of rollers: must be a whole number, 1 or more; correct it")
     for group in rules.groups:
         columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
         given = np.isfinite(list(columns.values())).all(axis=0)
-        serials = [word.strip() for word in file.words(entries[-1])] if serial else [Path(path).stem] * given.size
+        serials = (
+            [word.strip() for word in file.words(found_entry(file, bench, serial))]
+            if serial
+            else [Path(path).stem] * given.size
+        )
         if not given.all():
             what = "" if isinstance(group, Feature) else f" for {describe(group.key, group.indices)}"
             lost = f"{count_of(int((~given).sum()), 'row')} left out{what}"
@@ -187,7 +205,8 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
             found = _of_feature(group, rules.kind, parts, at, columns, reducer, notes)
         for row, name, error, place in found:
             _check_size(at(row), error)
-            yield Finding(at(row), rules.kind, serials[row], file_name(file.path) + name, error, place)
+            origin = file_name(file.path) + name
+            yield Finding(at(row), rules.kind, serials[row], origin, error, place, int(counts[row]))
 
 
 def _of_feature(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -196,17 +197,17 @@ def mounted_parts(
         If a kind or a serial number is unknown, a part has two places, or a place has no part.
     """
     reducer = rv(mechanism)
-    measured = {kind: [part.serial for part in parts if part.kind == kind] for kind in KINDS}
+    measured = {kind: {part.serial: part.count for part in parts if part.kind == kind} for kind in KINDS}
     mounted = {}
     for kind in dict.fromkeys([*(part.kind for part in parts), *(places or {})]):
         chosen = tuple((places or {}).get(kind, measured.get(kind, ())))
         unknown = [serial for serial in chosen if serial not in measured.get(kind, ())]
         if unknown or kind not in KINDS:
-            known = ", ".join([*measured.get(kind, ())[:5], "..."])
+            known = ", ".join([*[*measured.get(kind, ())][:5], "..."])
             wrong = shown([*unknown, ""][0])
             raise InputError(f"place {shown(kind)}: {wrong} is not among the measured parts, {known}; correct it")
         count = len(places_of(reducer, kind))
-        if len(chosen) != count or len(set(chosen)) < count:
+        if len(chosen) != count or any(number > measured[kind][serial] for serial, number in Counter(chosen).items()):
             example = ",".join([*measured[kind], "..."][:count])
             raise InputError(f"{len(chosen)} parts of kind {kind} for {count} in a unit; say which, each once, in the "
                              f"order of the places: {kind}={example}")  # fmt: skip
