@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -58,17 +58,45 @@ class PlacedErrors:
     components : tuple of Component
     sizes : tuple of ndarray, shape (parts, errors)
         Of the parts for each place, core units.
+    sigmas : tuple of ndarray, shape (parts, errors)
+        Uncertainty of each size, 1 sigma; 0 where none is stated.
     moved : tuple of ndarray, shape (turns, errors, components)
         What an error of size 1 is at each place, its part turned by each of its ways.
     """
 
     components: tuple[Component, ...]
     sizes: tuple[Array, ...]
+    sigmas: tuple[Array, ...]
     moved: tuple[Array, ...]
 
     def values(self, place: int, part: Any, turn: Any) -> Array:
         """Components of parts at a place, shape (units, components)."""
         return np.asarray(np.einsum("ub,ubc->uc", self.sizes[place][part], self.moved[place][turn]), dtype=np.float64)
+
+    @cached_property
+    def _kept(self) -> tuple[Array, ...]:
+        """Share of each size's distance from its mean over the lot that is the part's, not the measurement's.
+
+        By Lindley's form of the estimator of James and Stein; 1 of errors that not all parts have with an uncertainty.
+        """
+        found = []
+        for sizes, sigmas in zip(self.sizes, self.sigmas, strict=True):
+            noise = max(len(sizes) - 3, 0) * np.mean(sigmas**2, axis=0) * (sigmas > 0).all(axis=0)
+            scatter = np.sum((sizes - sizes.mean(axis=0)) ** 2, axis=0)
+            found.append(1 - np.minimum(noise, scatter) / np.where(scatter > 0, scatter, 1))
+        return tuple(found)
+
+    @cached_property
+    def regression(self) -> PlacedErrors:
+        """What true sizes differ by in the mean from the measured ones: these scatter more than the parts do."""
+        sizes = tuple((k - 1) * (own - own.mean(axis=0)) for k, own in zip(self._kept, self.sizes, strict=True))
+        return replace(self, sizes=sizes)
+
+    @cached_property
+    def variances(self) -> PlacedErrors:
+        """Variances of true sizes about that mean; those of a pair that turns are alike, so they add up by squares."""
+        sizes = tuple(k * own**2 for k, own in zip(self._kept, self.sigmas, strict=True))
+        return replace(self, sizes=sizes, moved=tuple(one**2 for one in self.moved))
 
     def waves(self, place: int, slope: Array) -> Array:
         """Waves of all parts at a place, turned by each of its ways, shape (turns, parts, samples)."""
@@ -101,11 +129,13 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
         row = {(key, at): dict[int, int]() for key, at in basis}
         for number, (key, at, p) in enumerate(terms):
             row[key, at][p] = number
-        sizes = np.zeros((len(parts), len(terms)))
+        sizes, sigmas = np.zeros((2, len(parts), len(terms)))
         for number, part in enumerate(parts):
             for error in part.errors:
                 for p, value in enumerate(error.values):
-                    sizes[number, row[error.key, frozenset(error.indices.items())][p]] += value
+                    at_term = row[error.key, frozenset(error.indices.items())][p]
+                    sizes[number, at_term] += value
+                    sigmas[number, at_term] = error.uncertainty or 0.0
         ways = []
         for turn in place.turns:
             entries = []
@@ -121,15 +151,17 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
                         components.append(Component(key, error.indices, parameter.name, parameter.dimension))
                     entries.append((number, column[name], value))
             ways.append(entries)
-        built.append((sizes, ways))
+        built.append((sizes, sigmas, ways))
     every = []
-    for sizes, ways in built:
+    for sizes, _, ways in built:
         moved = np.zeros((len(ways), sizes.shape[1], len(components)))
         for way, entries in enumerate(ways):
             for number, at_column, value in entries:
                 moved[way, number, at_column] += value
         every.append(moved)
-    return PlacedErrors(tuple(components), tuple(sizes for sizes, _ in built), tuple(every))
+    return PlacedErrors(
+        tuple(components), tuple(sizes for sizes, _, _ in built), tuple(sigmas for _, sigmas, _ in built), tuple(every)
+    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,11 +14,12 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
+from rverror.base.threads import each
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
-from rverror.matching.unit_waves import Assembly, Ints, UnitWaves
+from rverror.matching.unit_waves import Assembly, Ints, UnitWaves, placed
 from rverror.model.effects import Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart
 from rverror.parts.mounting import Place, at_first_place, mounted, places_of
@@ -26,16 +27,17 @@ from rverror.tolerances.loaded_yield import counted
 from rverror.tolerances.specification import Limit, check_limits
 
 #: Ways to build that a cost can be given for.
-WAYS = ("classes", "matching", "turning", "rollers", "tighter")
+WAYS = ("classes", "sorting", "matching", "turning", "rollers", "tighter")
 #: Errors of tighter parts, of those given: an illustration.
 TIGHTER = 0.8
 
 _RANDOM = 30, 200  # units put together at random: two lots, but no fewer and about no more than these
 _SAMPLE = 24  # of them, from which the mean influence is taken
 _IDLE = 2  # rounds of exchanges at the load that bring nothing
+_SURE = 0.01  # chance of being bad with which a unit is good enough
+_DRAWS = 256  # of a unit's sizes within their uncertainty
 _KNOWN = 8  # units that suffice to estimate the doubt anew
 _CLASSES = 3
-_SWAPS = 12  # of two rollers of a unit, at the most
 
 Progress = Callable[[str], None] | None
 
@@ -79,40 +81,44 @@ def match(
         If there are too few parts, a serial number comes twice, an error does not fit, or no unit meets the limits.
     """
     check_model(model)
-    lot = _lot_of(model, parts, turns=turns)
+    if seed < 0:
+        raise InputError(f"seed = {seed}: must be 0 or more")
+    lot = _lot_of(model, parts, turns=turns, seed=seed)
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
     units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
-    if seed < 0:
-        raise InputError(f"seed = {seed}: must be 0 or more")
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
     price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
     begun = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
     drawn = [begun.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * begun.most), _RANDOM[1]) // begun.most))]
-    values = np.concatenate([lot.values(one) for one in drawn])
-    turned = at_load.solved("units put together at random", values)
-    waves, slope = at_load.waves(values, turned, turned=turns)
+    together = Assembly(np.concatenate([one.part for one in drawn]), np.concatenate([one.turn for one in drawn]))
+    random = at_load.built("units put together at random", together)
+    at_load, waves = at_load.waves(random, turned=turns)
     plain = replace(waves, parts=[one[:1] for one in waves.parts])
-    ways = [at_load.way("put together at random", turned)]
-    classes = at_load.built("units of three classes", at_load.in_classes(plain, slope, rng))
-    ways.append(at_load.way("three classes", classes.turns, price.get("classes")))
-    tighter = at_load.solved("units of tighter parts", TIGHTER * values)
-    ways.append(at_load.way(f"parts {1 - TIGHTER:.0%} more exact, at random", tighter, price.get("tighter")))
+    ways = [at_load.way("put together at random", random)]
+    classes = at_load.built("units of three classes", at_load.in_classes(plain, rng))
+    ways.append(at_load.way("three classes", classes, price.get("classes")))
+    if lot.rollers:
+        alike = at_load.built("units with rollers of one size", together, at_load.of_one_size(together))
+        ways.append(at_load.way("rollers of one size in a unit, at random", alike, price.get("sorting")))
+    tighter = replace(random, turns=at_load.solved("units of tighter parts", TIGHTER * lot.values(together)))
+    name = f"parts {1 - TIGHTER:.0%} more exact, at random"
+    ways.append(at_load.way(name, tighter, price.get("tighter"), size=TIGHTER))
     if any(len(place.turns) > 1 for place in lot.places):
         alone = at_load.built("units turned", waves.turned(drawn[0]))
-        ways.append(at_load.way("turned, not matched", alone.turns, price.get("turning")))
+        ways.append(at_load.way("turned, not matched", alone, price.get("turning")))
     built, bound = at_load.matched(plain, rng, "matched units")
-    ways.append(at_load.way("matched", built.turns, price.get("matching")))
+    ways.append(at_load.way("matched", built, price.get("matching")))
     if any(len(place.turns) > 1 for place in lot.places):
         built, bound = at_load.matched(waves, rng, "matched units, turned")
         cost = [price[one] for one in ("matching", "turning") if one in price]
-        ways.append(at_load.way("matched and turned", built.turns, sum(cost) if cost else None))
+        ways.append(at_load.way("matched and turned", built, sum(cost) if cost else None))
     if lot.rollers:
-        built = at_load.placed(waves, slope, built)
+        built = at_load.placed(waves, built)
         cost = [price[one] for one in ("matching", "turning", "rollers") if one in price]
-        ways.append(at_load.way("rollers placed as well", built.turns, sum(cost) if cost else None))
+        ways.append(at_load.way("rollers placed as well", built, sum(cost) if cost else None))
     return _result(at_load, built, ways, bound, waves.doubt)
 
 
@@ -130,8 +136,8 @@ class _PartsAtPlaces:
     pools: tuple[int, ...]
     columns: PlacedErrors  #: of these places, then of the grooves
     before: Mapping[str, int]  #: pitches by which a disc was turned to be as those of the first place that it fits
-    rollers: tuple[MeasuredPart, ...]
-    kits: Ints  #: (kits, pins): rollers as they come
+    rollers: tuple[MeasuredPart, ...]  #: single ones and classes
+    kits: Ints  #: (kits, pins): which of them, in arbitrary order
     notes: tuple[str, ...]
 
     @property
@@ -155,6 +161,12 @@ class _PartsAtPlaces:
                 total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
         return total
 
+    def true(self, assembly: Assembly, rollers: Ints | None = None) -> tuple[Array, Array]:
+        """What the true components differ by from those of the measured sizes: mean and 1 sigma."""
+        of = (replace(self, columns=each) for each in (self.columns.regression, self.columns.variances))
+        mean, variance = (each.values(assembly, rollers) for each in of)
+        return mean, np.asarray(np.sqrt(variance))
+
     def in_grooves(self, assembly: Assembly) -> Ints:
         """Rollers in the grooves of each unit as its kit has them."""
         return self.kits[assembly.part[:, -1]]
@@ -172,7 +184,7 @@ class _PartsAtPlaces:
         return np.asarray(self.columns.waves(len(self.parts) + number, slope)[0])
 
 
-def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _PartsAtPlaces:
+def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool, seed: int) -> _PartsAtPlaces:
     """Sort parts by the places that take them, or refuse them."""
     if not isinstance(model.mechanism, Reducer):
         raise InputError("match: a [drive] has no parts that are matched; give the model of a [reducer]")
@@ -195,10 +207,11 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool) -> _Par
     rollers, kits = tuple(given["roller"]), np.empty((0, reducer.pins), dtype=np.intp)
     notes = []
     if rollers:
-        if len(rollers) < reducer.pins:
-            raise InputError(f"{count_of(len(rollers), 'roller')}: a unit takes {reducer.pins}; measure more")
-        whole = len(rollers) // reducer.pins
-        kits = np.arange(whole * reducer.pins).reshape(whole, -1)
+        single = np.repeat(np.arange(len(rollers)), [part.count for part in rollers])
+        if single.size < reducer.pins:
+            raise InputError(f"{count_of(single.size, 'roller')}: a unit takes {reducer.pins}; measure more")
+        whole = single.size // reducer.pins
+        kits = np.random.default_rng(seed).permutation(single)[: whole * reducer.pins].reshape(whole, -1)
         pools.append(len(set(pools)))
     if not places or (len(pools) == 1 and not rollers):
         raise InputError(f"parts of the kind {parts[0].kind} alone leave nothing to choose; add those of another kind")
@@ -269,6 +282,8 @@ class _AtLoad:
     lot: _PartsAtPlaces
     units: UnitsAtLoad
     progress: Progress
+    base: Array = field(default_factory=lambda: np.empty(0))  #: (samples,): of a unit without errors, over the limits
+    slope: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (components, samples): of units at random
 
     def errors(self, turns: Array) -> Array:
         """Largest quantity of each unit, over its limit."""
@@ -282,16 +297,39 @@ class _AtLoad:
         """Units put together so."""
         return _Built(assembly, self.solved(what, self.lot.values(assembly, rollers)), rollers)
 
-    def way(self, name: str, turns: Array, cost: float | None = None) -> WayToBuild:
-        """What a way to build gives."""
-        return WayToBuild(name, turns, self.errors(turns), cost)
+    def way(self, name: str, built: _Built, cost: float | None = None, *, size: float = 1.0) -> WayToBuild:
+        """What a way to build gives, with the sizes of the parts' errors as they are or all changed alike."""
+        errors = self.errors(built.turns)
+        return WayToBuild(name, built.turns, errors, errors[:, None] + self.unknown(built, size=size), cost)
 
-    def waves(self, values: Array, turns: Array, *, turned: bool) -> tuple[UnitWaves, Array]:
-        """Waves of all parts, from units put together at random: by their mean influence; and that influence.
+    def unknown(self, built: _Built, *, size: float = 1.0) -> Array:
+        """What draws within the uncertainty of the parts' sizes add to each unit's error, shape (units, draws)."""
+        values = self.lot.values(built.assembly, built.rollers)
+        means, sigmas = self.lot.true(built.assembly, built.rollers)
+        if not sigmas.any():
+            return np.zeros((len(values), 1))
+        law, slope = UnitWaves(self.base, (), (), self.units.sections), self.slope.astype(np.float32)
+        normal = np.random.default_rng(0).standard_normal((_DRAWS, len(slope)), dtype=np.float32)
+
+        def unit(row: tuple[Array, ...]) -> Array:
+            wave, mean, sigma = row
+            return law.errors(wave + (mean + normal * sigma) @ slope) - law.errors(wave)
+
+        whole = self.base + size * values @ self.slope
+        rows = (one.astype(np.float32) for one in (whole, means, sigmas))
+        return np.array(each(unit, list(zip(*rows, strict=True))))
+
+    def uncertain(self, waves: UnitWaves, built: _Built) -> UnitWaves:
+        """These waves with what the uncertainty of the sizes does to such units."""
+        added = self.unknown(built)
+        return replace(waves, shift=float(added.mean()), unsure=float(added.std()))
+
+    def waves(self, random: _Built, *, turned: bool) -> tuple[_AtLoad, UnitWaves]:
+        """Waves of all parts, from units put together at random: by their mean influence, which is kept.
 
         Each quantity is scaled to the mean of the true ones: few angles miss the peaks.
         """
-        some = slice(0, _SAMPLE)
+        values, turns, some = self.lot.values(random.assembly), random.turns, slice(0, _SAMPLE)
         waves, slope = self.units.waves(values[some], slopes=True)
         if not slope.size:
             raise InputError("no equilibrium of any unit at this load; check the sizes of the parts' errors, and --at")
@@ -304,7 +342,8 @@ class _AtLoad:
         parts = self.lot.waves(slope, turned=turned)
         made = UnitWaves(base.astype(np.float32), parts, self.lot.pools, self.units.sections)
         off = self.errors(turns[known]) - made.errors(base + values[known] @ slope)
-        return replace(made, doubt=max(float(off.std()), 1e-3)), slope
+        law = replace(self, base=base, slope=slope)
+        return law, law.uncertain(replace(made, doubt=max(float(off.std()), 1e-3)), random)
 
     def matched(self, waves: UnitWaves, rng: np.random.Generator, what: str) -> tuple[_Built, int]:
         """The best assembly that is found, by sums of waves first, then at the load; and the bound by the sums."""
@@ -313,14 +352,14 @@ class _AtLoad:
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""
-        residual = self.residual(waves, built, np.arange(len(built.turns)))
+        waves, residual = self.uncertain(waves, built), self.residual(waves, built, np.arange(len(built.turns)))
         known = dict(zip(built.assembly.names(), self.errors(built.turns).tolist(), strict=True))
         idle = 0  # rounds that brought nothing
         while idle < _IDLE:
             idle += 1
             for place in range(len(waves.parts)):
                 old, errors = built.assembly, self.errors(built.turns)
-                if (errors <= 1).all():
+                if (waves.solved.bad(errors) < _SURE).all():
                     return built
                 new = waves.assigned(old, (place,), residual=residual, known=known)
                 changed = np.flatnonzero((new.part != old.part).any(axis=1) | (new.turn != old.turn).any(axis=1))
@@ -355,7 +394,7 @@ class _AtLoad:
             off[:, at] = true[:, at] * scale[:, None] - whole[:, at]
         return np.where(np.isfinite(off), off, 0.0).astype(np.float32)
 
-    def in_classes(self, waves: UnitWaves, slope: Array, rng: np.random.Generator) -> Assembly:
+    def in_classes(self, waves: UnitWaves, rng: np.random.Generator) -> Assembly:
         """Parts sorted by their main size into three classes of equal number, put together class with class.
 
         The main size is the one that does most at the output.
@@ -365,24 +404,33 @@ class _AtLoad:
         found = waves.shuffled(rng)
         for pool in waves.sizes:
             places = [place for place, of in enumerate(self.lot.pools) if of == pool]
-            sizes, moved = self.lot.columns.sizes[places[0]], self.lot.columns.moved[places[0]][0]
-            if places[0] >= len(self.lot.parts) or not sizes.shape[1]:
-                sizes = np.zeros((waves.sizes[pool], 1))  # rollers as they come, parts without errors
-            else:
-                sizes = sizes[:, np.argmax(sizes.std(axis=0) * (moved @ slope).std(axis=1))][:, None]
+            kits = places[0] >= len(self.lot.parts)  # as they come
+            sizes = np.zeros(waves.sizes[pool]) if kits else self.main_sizes(places[0])
             chosen = found.part[:, places].ravel()
-            chosen = chosen[np.argsort(sizes[chosen, 0], kind="stable")]
+            chosen = chosen[np.argsort(sizes[chosen], kind="stable")]
             for first, last in pairwise(edges):
                 some = rng.permutation(chosen[first * len(places) : last * len(places)])
                 found.part[first:last, places] = some.reshape(-1, len(places))
         return found
 
-    def placed(self, waves: UnitWaves, slope: Array, built: _Built) -> _Built:
+    def main_sizes(self, place: int) -> Array:
+        """Of the parts for a place the size that does most at the output."""
+        sizes, moved = self.lot.columns.sizes[place], self.lot.columns.moved[place][0]
+        effect = sizes.std(axis=0) * (moved @ self.slope).std(axis=1)
+        return sizes[:, effect.argmax()] if effect.size else np.zeros(len(sizes))
+
+    def of_one_size(self, assembly: Assembly) -> Ints:
+        """Rollers of each unit where their kits are made in the order of size: of one class, or of two that adjoin."""
+        kits = self.lot.kits
+        ordered = kits.ravel()[np.argsort(self.main_sizes(len(self.lot.parts))[kits.ravel()], kind="stable")]
+        return np.asarray(ordered.reshape(kits.shape)[assembly.part[:, -1]])
+
+    def placed(self, waves: UnitWaves, built: _Built) -> _Built:
         """Rollers of each unit in the grooves where its error is least, solved at the load; as they came where not."""
-        grooves = np.array([self.lot.groove(n, slope) for n in range(self.lot.reducer.pins)])
+        grooves = np.array([self.lot.groove(n, self.slope) for n in range(self.lot.reducer.pins)])
         came = self.lot.in_grooves(built.assembly)
         whole = waves.whole(built.assembly, self.residual(waves, built, np.arange(len(came))))
-        rollers = np.array([_placed(waves, grooves, row, wave) for row, wave in zip(came, whole, strict=True)])
+        rollers = np.array([placed(waves, grooves, row, wave) for row, wave in zip(came, whole, strict=True)])
         found = self.built("units with rollers placed", built.assembly, rollers)
         better = (self.errors(found.turns) < self.errors(built.turns))[:, None]
         return _Built(built.assembly, np.where(better, found.turns, built.turns), np.where(better, rollers, came))
@@ -397,53 +445,25 @@ def _circles(before: Ints, after: Ints) -> Ints:
     return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.intp)
 
 
-def _placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
-    """Rollers of one unit by groove: assigned by what each does to the mean square, then exchanged two by two."""
-    every = np.arange(len(came))
-    own = grooves[:, came]  # (grooves, rollers, samples)
-    rest = wave - own[every, every].sum(axis=0)
-    order = every
-    weight = np.concatenate([np.full(at.stop - at.start, 1 / (at.stop - at.start)) for at, _ in waves.sections])
-    for at, span in waves.sections:  # of a peak-to-peak the mean does not count
-        if span:
-            rest[at] -= rest[at].mean()
-            own[:, :, at] -= own[:, :, at].mean(axis=2, keepdims=True)
-    for _ in range(3):
-        total = rest + own[every, order].sum(axis=0)
-        others = total - own[every, order]  # of each groove, all but its roller
-        price = 2 * np.einsum("gs,grs->gr", others * weight, own) + np.einsum("grs,s->gr", own**2, weight)
-        order = scipy.optimize.linear_sum_assignment(price)[1]
-    first, second = np.triu_indices(len(came), 1)
-    total = rest + own[every, order].sum(axis=0)
-    for _ in range(_SWAPS):
-        a, b = order[first], order[second]
-        changed = total + own[first, b] + own[second, a] - own[first, a] - own[second, b]
-        errors = waves.errors(changed)
-        best = int(errors.argmin())
-        if errors[best] >= waves.errors(total) - 1e-6:
-            break
-        total = changed[best]
-        order = order.copy()
-        order[[first[best], second[best]]] = order[[second[best], first[best]]]
-    return came[order]
-
-
 def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: int, doubt: float) -> Matched:
     """Good units by name, and the parts of all others."""
-    lot, errors = at_load.lot, at_load.errors(built.turns)
+    lot, errors, chances = at_load.lot, ways[-1].errors, ways[-1].chances
+    good = (errors <= 1) & (chances >= 0.5)
     quantities, allowed = at_load.units.quantities, at_load.units.allowed
-    if not (errors <= 1).any():
-        row = built.turns[errors.argmin()]
+    if not good.any():
+        row, best = built.turns[errors.argmin()], errors.min()
         worst = int((row / allowed).argmax())
+        known = f", by sizes so uncertain that {chances.max():.0%} is the best chance" if best <= 1 else ""
         raise InputError(
             f"no unit of these parts meets the limits: the best one has {quantities[worst].label} of "
-            f"{row[worst] / ARCSEC:.4g} arcsec, and {allowed[worst] / ARCSEC:.4g} are allowed; give a higher limit"
+            f"{row[worst] / ARCSEC:.4g} arcsec{known}, and {allowed[worst] / ARCSEC:.4g} are allowed; give a higher "
+            "limit"
         )
     grooves = None
     if lot.rollers:
         grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
-    units, used = [], set()
-    for number in np.flatnonzero(errors <= 1)[np.argsort(errors[errors <= 1])]:
+    units: list[MatchedUnit] = []
+    for number in np.flatnonzero(good)[np.argsort(errors[good])]:
         parts, effects = [], list(lot.model.effects)
         for at, place in enumerate(lot.places[: len(lot.parts)]):
             part = lot.parts[at][built.assembly.part[number, at]]
@@ -454,13 +474,14 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
         for pin, chosen in enumerate([] if grooves is None else grooves[number]):
             parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))
             effects += lot.rollers[chosen].at(pin)
-        used |= {(part.kind, part.serial) for part in parts}
-        units.append(MatchedUnit(tuple(parts), replace(lot.model, effects=tuple(effects)), tuple(built.turns[number])))
-    every = dict.fromkeys((part.kind, part.serial) for parts in (*lot.parts, lot.rollers) for part in parts)
-    left: dict[str, tuple[str, ...]] = {}
-    for kind, serial in every:
-        if (kind, serial) not in used:
-            left[kind] = (*left.get(kind, ()), serial)
+        built_so = replace(lot.model, effects=tuple(effects))
+        units.append(MatchedUnit(tuple(parts), built_so, tuple(built.turns[number]), float(chances[number])))
+    every = Counter({(part.kind, part.serial): part.count for parts in (*lot.parts, lot.rollers) for part in parts})
+    rest = every - Counter((part.kind, part.serial) for unit in units for part in unit.parts)
+    left = {
+        kind: tuple(serial for of, serial in rest.elements() if of == kind)
+        for kind in dict.fromkeys(k for k, _ in rest)
+    }
     order = [ways[0], *sorted(ways[1:], key=lambda way: (-way.share, way.p95))]
     name = lot.model.name or lot.model.mechanism.name
     return Matched(

@@ -34,11 +34,14 @@ class MatchedUnit:
         With the errors of its parts.
     turns : tuple of float
         rad; of each quantity that is limited, by the equilibrium at the load.
+    chance : float
+        That the unit is within all limits, as its parts' sizes are known within their uncertainty.
     """
 
     parts: tuple[MountedPart, ...]
     model: Model
     turns: tuple[float, ...]
+    chance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,9 @@ class WayToBuild(OneLine):
     turns : ndarray, shape (units, quantities)
         rad, by the equilibrium at the load; infinite where none was found.
     errors : ndarray, shape (units,)
-        Largest of a unit's quantities, each over its limit.
+        Largest of a unit's quantities, each over its limit, by the measured sizes of its parts.
+    outcomes : ndarray, shape (units, draws)
+        The same with the sizes drawn within their uncertainty; one draw where all are exact.
     cost : float, optional
         Of the way, for each unit that is tried.
     """
@@ -59,17 +64,23 @@ class WayToBuild(OneLine):
     name: str
     turns: Array
     errors: Array
+    outcomes: Array
     cost: float | None = None
 
     @property
+    def chances(self) -> Array:
+        """That each unit is within all limits."""
+        return np.asarray((self.outcomes <= 1).mean(axis=1))
+
+    @property
     def share(self) -> float:
-        """Yield: units within all limits of those that the parts allow."""
-        return float((self.errors <= 1).mean())
+        """Yield: units within all limits that are expected, of those that the parts allow."""
+        return float(self.chances.mean())
 
     @property
     def p95(self) -> float:
         """Error over the limit that 95 % of the units do not exceed."""
-        return float(np.quantile(self.errors, 0.95, method="higher"))
+        return float(np.quantile(self.outcomes, 0.95, method="higher"))
 
 
 @dataclass(frozen=True)
@@ -85,7 +96,7 @@ class Matched(Viewed):
     allowed : tuple of float
         rad; the limit of each.
     units : tuple of MatchedUnit
-        Those within all limits.
+        Those within all limits by the measured sizes, and more likely so than not with their uncertainty.
     left : mapping of str to tuple of str
         Serial numbers of the parts that stay, by kind.
     possible : int
@@ -112,5 +123,5 @@ class Matched(Viewed):
 
     @property
     def share(self) -> float:
-        """Yield: units within all limits of those that the parts allow."""
-        return len(self.units) / self.possible
+        """Yield: units of the list within all limits that are expected, of those that the parts allow."""
+        return sum(unit.chance for unit in self.units) / self.possible

@@ -31,6 +31,7 @@ _SWEEPS = 12  # at the most; the search ends when one brings nothing
 _EXACT = 20_000  # of these, good ones up to which the best set is found outright
 _COLUMNS = 4000  # units that a round of column generation adds
 _PACKING = 10.0  # s, for the best set of listed units
+_SWAPS = 12  # of two rollers of a unit, at the most
 _BLOCK = 2**22  # samples of a block: 16 MB
 
 
@@ -72,6 +73,8 @@ class UnitWaves:
         Samples of each quantity, and whether its peak-to-peak counts, or its largest value.
     doubt : float
         Standard deviation of a unit's true error about the sum of its waves, both over the limit.
+    shift, unsure : float
+        Mean and standard deviation of what the uncertainty of the parts' sizes adds to a unit's error, over the limit.
     """
 
     base: Array
@@ -79,6 +82,8 @@ class UnitWaves:
     pools: tuple[int, ...]
     sections: tuple[tuple[slice, bool], ...]
     doubt: float = 0.0
+    shift: float = 0.0
+    unsure: float = 0.0
 
     @cached_property
     def sizes(self) -> dict[int, int]:
@@ -118,14 +123,24 @@ class UnitWaves:
             found[some] = self.errors(rows[some, None] + columns)
         return found
 
+    def bad(self, errors: Array) -> Array:
+        """Chance that units of such errors are bad."""
+        excess, sigma = errors + self.shift - 1, math.hypot(self.doubt, self.unsure)
+        return np.asarray(scipy.special.ndtr(excess / sigma) if sigma else (excess > 0) * 1.0)
+
     def cost(self, errors: Array) -> Array:
         """Cost of units: the chance that each is bad, and with far less weight its error, to decide between equals."""
-        bad = scipy.special.ndtr((errors - 1) / self.doubt) if self.doubt else (errors > 1) * 1.0
-        return np.asarray(bad + np.minimum(errors, _CAP) / (2 * _CAP * self.most), dtype=np.float64)
+        equals = np.minimum(errors, _CAP) / (2 * _CAP * self.most)
+        return np.asarray(self.bad(errors) + equals, dtype=np.float64)
 
     def hard(self, errors: Any) -> Array:
-        """The same where errors are true ones, without doubt."""
-        return replace(self, doubt=0.0).cost(np.asarray(errors))
+        """The same where errors are those of the measured sizes, without doubt."""
+        return self.solved.cost(np.asarray(errors))
+
+    @property
+    def solved(self) -> UnitWaves:
+        """These waves where units are solved: only the measured sizes are in doubt."""
+        return replace(self, doubt=0.0)
 
     # --- assemblies ---------------------------------------------------------------------------------------------------
 
@@ -208,7 +223,7 @@ class UnitWaves:
             places = [place for place, of in enumerate(self.pools) if of == pool]
             left = rng.permutation(np.setdiff1d(np.arange(size), units.part[:, places]))
             count = self.most - len(units.part)
-            found.part[len(units.part) :, places] = left[: count * len(places)].reshape(count, -1)
+            found.part[len(units.part) :, places] = left[: count * len(places)].reshape(count, len(places))
         return self._descended(found)
 
     def _total(self, assembly: Assembly) -> float:
@@ -386,6 +401,60 @@ class UnitWaves:
         if columns.size == len(rows) and chosen.mip_dual_bound is not None:
             bound = min(bound, math.floor(-chosen.mip_dual_bound + 1e-6))
         return bound, units.of(columns[:0] if chosen.x is None else columns[chosen.x > 0.5])
+
+
+def placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
+    """Rollers of one unit by groove: assigned by what each does to the mean square, then exchanged two by two.
+
+    The exchange also begins with the rollers as they came, and the better end counts.
+
+    Parameters
+    ----------
+    waves : UnitWaves
+        For the sections of a wave.
+    grooves : ndarray, shape (grooves, rollers, samples)
+        Waves of all rollers in all grooves.
+    came : ndarray of int, shape (grooves,)
+        Rollers of the unit in the order in which they came.
+    wave : ndarray, shape (samples,)
+        Of the unit with them so.
+
+    Returns
+    -------
+    ndarray of int, shape (grooves,)
+    """
+    every = np.arange(len(came))
+    own = grooves[:, came]  # (grooves, rollers, samples)
+    rest = wave - own[every, every].sum(axis=0)
+    order = every
+    weight = np.concatenate([np.full(at.stop - at.start, 1 / (at.stop - at.start)) for at, _ in waves.sections])
+    for at, span in waves.sections:  # of a peak-to-peak the mean does not count
+        if span:
+            rest[at] -= rest[at].mean()
+            own[:, :, at] -= own[:, :, at].mean(axis=2, keepdims=True)
+    for _ in range(3):
+        total = rest + own[every, order].sum(axis=0)
+        others = total - own[every, order]  # of each groove, all but its roller
+        price = 2 * np.einsum("gs,grs->gr", others * weight, own) + np.einsum("grs,s->gr", own**2, weight)
+        order = scipy.optimize.linear_sum_assignment(price)[1]
+    return came[min(_swapped(waves, own, rest, start) for start in (order, every))[1]]
+
+
+def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Ints) -> tuple[float, list[int]]:
+    """Error of a unit, and its rollers by groove, when no exchange of two makes it less."""
+    every = np.arange(len(order))
+    first, second = np.triu_indices(len(order), 1)
+    total = rest + own[every, order].sum(axis=0)
+    for _ in range(_SWAPS):
+        a, b = order[first], order[second]
+        errors = waves.errors(total + own[first, b] + own[second, a] - own[first, a] - own[second, b])
+        best = int(errors.argmin())
+        if errors[best] >= waves.errors(total) - 1e-6:
+            break
+        order = order.copy()
+        order[[first[best], second[best]]] = order[[second[best], first[best]]]
+        total = rest + own[every, order].sum(axis=0)
+    return float(waves.errors(total)), order.tolist()
 
 
 def _rest(name: tuple[int, ...], place: int, count: int) -> tuple[int, ...]:

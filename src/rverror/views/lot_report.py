@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -417,6 +418,7 @@ def _matched_table(result: Matched) -> Table:
     variables = {
         **arrays("unit", np.arange(1, len(units) + 1), unit=("", NUMBER)),
         **rows("unit", units, **placed),
+        **(rows("unit", units, chance=("chance", PERCENT)) if any(unit.chance < 1 for unit in units) else {}),
         **rows("quantity", result.quantities, quantity="label"),
         **arrays("quantity", result, limit=("allowed", ANGLE)),
         **bare(arrays("unit quantity", np.array([unit.turns for unit in units]), turn=("", ANGLE))),
@@ -438,15 +440,17 @@ def _matched_sheet(thing: Matched) -> Sheet:
     ]  # forty grooves: the spreadsheet has them
     verdict = f"{len(thing.units)} of {thing.possible} units"
     limits = zip(thing.quantities, thing.allowed, strict=True)
-    left = {
-        f"{kind}, {len(some)} stay": ", ".join(some[:8]) + ", ..." * (len(some) > 8)
-        for kind, some in thing.left.items()
-    }
+    left = {}
+    for kind, some in thing.left.items():
+        serials = [serial + f" ({count})" * (count > 1) for serial, count in Counter(some).items()]
+        left[f"{kind}, {len(some)} stay"] = ", ".join(serials[:8]) + ", ..." * (len(serials) > 8)
+    good = sum(unit.chance for unit in thing.units)
+    expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be."
     return (
         *title("Matched units", thing.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
         Sentence(
             f"{verdict} that the parts allow are within the limits, each solved at the load; by the linear influences "
-            f"no assembly of these parts has more than {thing.bound}.",
+            f"no assembly of these parts has more than {thing.bound}." + expected * (good < len(thing.units)),
             verdict,
         ),
         *listing(thing.ways, for_people(_WAY)),
