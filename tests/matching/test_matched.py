@@ -124,6 +124,19 @@ def test_waves_are_those_of_the_equilibrium_at_their_load():
     assert parts == pytest.approx(grown, abs=0.02 * np.abs(grown).max())
 
 
+def test_waves_of_a_sun_are_seen_in_every_phase():
+    """Order 240, of two waves around the sun: as high however the sun is put in."""
+    reducer = rverror.reducer("RV-40E")
+    suns = [MeasuredPart("sun", "S", (rverror.effect("involute.sun_pitch", harmonic=2, cos="5 um"),))]
+    columns = columns_of(reducer, [(places_of(reducer, "sun")[0], suns)])
+    limits = check_limits([rverror.limit("transmission_error", "40 arcsec", torque="412 N*m")], reducer)
+    units = UnitsAtLoad(rverror.Model(reducer), columns.components, limits)
+    slope = units.waves(np.zeros((1, 2)), slopes=True)[1][:, units.sections[0][0]]
+    phases = np.linspace(0, np.pi, 19)
+    sizes = np.ptp(np.stack([np.cos(phases), np.sin(phases)], axis=1) @ slope, axis=1)
+    assert sizes.min() > 0.97 * sizes.max() > 0
+
+
 def test_parts_are_used_once_and_none_is_lost(found):
     used = [(part.kind, part.serial) for unit in found.units for part in unit.parts]
     left = [(kind, serial) for kind, serials in found.left.items() for serial in serials]

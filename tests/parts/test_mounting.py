@@ -158,8 +158,27 @@ def test_a_housing_turned_by_pins_shifts_the_waveform_as_a_whole(torque):
         assert turned.transmission_error == pytest.approx(as_it_is.transmission_error, abs=1e-11)
 
 
+def test_a_sun_put_in_at_another_tooth_is_where_it_comes_to_later():
+    """Perfect planets cannot tell a tooth from the next: the wave comes when the sun has made that part of a turn."""
+    theta = np.linspace(0, TURN, 500)
+    rng = np.random.default_rng(0)
+    sun = MeasuredPart(
+        "sun",
+        "S",
+        (drawn(rng, "involute.sun_eccentricity"), *(drawn(rng, "involute.sun_pitch", harmonic=h) for h in (1, 2))),
+    )
+    for teeth in (1, 4):
+        turned = rverror.transmission_error(rverror.Model(TWO, mounted(sun, TWO, None, teeth)), theta)
+        later = theta + TURN * teeth / TWO.sun_teeth / 120  # 120 turns of the sun against the carrier
+        as_it_is = rverror.transmission_error(rverror.Model(TWO, mounted(sun, TWO)), later)
+        assert turned == pytest.approx(as_it_is, abs=1e-14)
+        assert np.ptp(turned) > 1e-6
+    assert places_of(TWO, "sun", turns=True)[0].turns == tuple(range(9))
+    assert places_of(TWO, "sun")[0].turns == (0,)
+
+
 def test_what_cannot_be_turned_is_refused():
-    with pytest.raises(InputError, match="only discs and housings are turned"):
+    with pytest.raises(InputError, match="only discs, suns and housings are turned"):
         mounted(part("crank", TWO, 0), TWO, 0, 1)
     reducer = replace(TWO, cranks=3, discs=4, disc_lobes=38, pins=39)  # two thirds of a lobe fit no quarter
     with pytest.raises(InputError, match="no disc fits at place 1, turned by 1"):

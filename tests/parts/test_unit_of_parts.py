@@ -93,7 +93,7 @@ def test_a_disc_turned_as_the_list_says_is_the_same_piece_of_steel(place: int, t
     ]
     errors.append(rverror.effect("cycloid.disc_lobe", lobe=17, deviation="9 um"))
     discs = [rverror.parts.MeasuredPart("disc", f"D{p}", tuple(errors), "", p) for p in (0, 1)]
-    unit = rverror.parts.unit_of_parts(rverror.Model(THREE), discs, turns={f"D{place}": turn})
+    unit = rverror.parts.unit_of_parts(rverror.Model(THREE), discs, turns={"disc": [turn, 0][:: 1 - 2 * place]})
     bores, _, crest = body(tuple(errors), place)
     turned, wave, lobe = body(tuple(e for e in unit.effects if e.indices["disc"] == place), place)
     step = np.exp(2j * np.pi * turn / 3)
@@ -112,8 +112,13 @@ def test_a_disc_is_not_turned_to_where_its_lobes_do_not_fit() -> None:
     alike = [rverror.parts.MeasuredPart("disc", name, ()) for name in ("A", "B")]
     two = rverror.Model(rverror.reducer("RV-40E"))
     with pytest.raises(InputError, match=r"disc B: .*do not fit at place 1 turned by 0 pitches of its bores; choose"):
-        rverror.parts.unit_of_parts(two, alike, turns={"B": 0})
-    rverror.parts.unit_of_parts(two, alike, turns={"B": -1})
+        rverror.parts.unit_of_parts(two, alike, turns={"disc": [0, 0]})
+    rverror.parts.unit_of_parts(two, alike, turns={"disc": [0, -1]})
+    with pytest.raises(InputError, match="turns of disc: 1 for 2 in a unit; give one for each place"):
+        rverror.parts.unit_of_parts(two, alike, turns={"disc": [0]})
+    crank = [rverror.parts.MeasuredPart("crank", name, ()) for name in ("A", "B")]
+    with pytest.raises(InputError, match="crank B: turn = 2: only discs, suns and housings are turned"):
+        rverror.parts.unit_of_parts(two, crank, turns={"crank": [0, 2]})
 
 
 LIST = "unit,disc_0,disc_1,housing,disc_1_turn,transmission error at 412 N*m\n2,D18,D17,H1,1,12.5\n7,D17,D18,,0,13\n"
@@ -124,7 +129,7 @@ def test_a_list_for_the_shop_is_read(tmp_path: Path) -> None:
     for text in (LIST, LIST.replace(",", ";"), "\ufeff" + LIST.replace("\n", "\r\n")):
         path.write_text(text, encoding="utf-8", newline="")
         places, turns = rverror.parts.places_in_list(path, 2)
-        assert (places, turns) == ({"disc": ("D18", "D17"), "housing": ("H1",)}, {"D17": 1})
+        assert (places, turns) == ({"disc": ("D18", "D17"), "housing": ("H1",)}, {"disc": (0, 1)})
     unit = rverror.parts.unit_of_parts(rverror.Model(UNIT), [*DISCS, HOUSING], places)
     assert [e.indices.get("disc") for e in unit.effects] == [0, 1, None]
 
@@ -136,7 +141,7 @@ def test_a_list_for_the_shop_is_read(tmp_path: Path) -> None:
         ("", "no unit 3: the list has no numbers in a column unit"),
         ("a,b\n1,2\n", "no unit 3: the list has no numbers in a column unit"),
         ("unit,disc_0,disc_2\n3,D17,D18\n", "columns of disc 0, 2; give one for each place, from disc_0 on"),
-        ("unit,disc_0,disc_0_turn\n3,D17,x\n", "unit 3: a disc turned by 'x' pitches; give a whole number"),
+        ("unit,disc_0,disc_0_turn\n3,D17,x\n", "unit 3: a part turned by 'x'; give a whole number"),
     ],
 )
 def test_a_list_that_cannot_be_used(tmp_path: Path, text: str, told: str) -> None:

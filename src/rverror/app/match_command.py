@@ -52,7 +52,7 @@ def add_commands(commands: Any) -> None:
                 "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
             ),
             **limit_options(),
-            "--turns": flag("discs may be turned by pitches of their bores"),
+            "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
             "--cost": option(
                 "matching=2.5",
                 f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",

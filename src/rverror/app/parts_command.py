@@ -65,7 +65,7 @@ def _parts(options: argparse.Namespace) -> None:
         )
     if (options.units is None) != (options.unit is None) or (options.units and (options.place or suffix == ".csv")):
         raise InputError("--units UNITS.csv and --unit N go together, with -o UNIT.toml and without --place")
-    given: tuple[dict[str, tuple[str, ...]], dict[str, int]] = (_places(options.place), {})
+    given: tuple[dict[str, tuple[str, ...]], dict[str, tuple[int, ...]]] = (_places(options.place), {})
     places, turns = places_in_list(options.units, options.unit) if options.units else given
     model = load_model(options.model)
     read = load_parts(options.files, model.mechanism, mapping=options.mapping)

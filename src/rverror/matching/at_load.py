@@ -25,8 +25,8 @@ from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits, 
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
-#: Angles of a turn at which waves are added; no power of two, so that no order of an RV reducer stands still on them.
-ANGLES = 480
+#: Angles of a turn at which waves are added; a prime, so that each order of an RV reducer meets them in all its phases.
+ANGLES = 487
 
 
 @dataclass(frozen=True)

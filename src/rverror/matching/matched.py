@@ -63,7 +63,8 @@ def match(
     limits : sequence of Limit
         Of the transmission error, which is kept in both directions, the lost motion and the backlash.
     turns : bool
-        Whether discs may be turned by pitches of their bores where they fit in several ways: not with two cranks.
+        Whether discs may be turned by pitches of their bores where they fit in several ways, which they do not with two
+        cranks, and a sun put in at any tooth.
     costs : mapping of str to float, optional
         What a way to build costs for each unit: some of `WAYS`.
     seed : int

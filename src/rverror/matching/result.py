@@ -20,7 +20,7 @@ class MountedPart:
     kind: str
     place: int | None  #: which crank, planet, disc or groove
     serial: str
-    turn: int = 0  #: pitches of its bores by which a disc is turned, counter-clockwise
+    turn: int = 0  #: pitches of its bores by which a disc is turned counter-clockwise, teeth of a sun
 
 
 @dataclass(frozen=True)

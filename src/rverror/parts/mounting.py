@@ -35,7 +35,7 @@ class Place:
     number : int, optional
         Which crank, planet, disc or groove; None where a unit has one such part.
     turns : tuple of int
-        By how many pitches of its bores a disc may be turned there; of other parts 0 alone.
+        By how many pitches of its bores a disc may be turned there, a sun by how many teeth; of other parts 0 alone.
     made_for : int
         First place of a disc whose discs fit here, turned or not: places of one number take the same discs.
     """
@@ -87,7 +87,7 @@ def places_of(reducer: Reducer, kind: str, *, turns: bool = False) -> tuple[Plac
     kind : str
         A key of `KINDS`.
     turns : bool
-        Whether discs may be turned where they fit in several ways.
+        Whether discs may be turned where they fit in several ways, and a sun put in at any tooth.
 
     Returns
     -------
@@ -100,8 +100,8 @@ def places_of(reducer: Reducer, kind: str, *, turns: bool = False) -> tuple[Plac
     ['disc 0', 'disc 1']
     """
     counted = KINDS[kind][1]
-    if counted is None:
-        return (Place(kind, None, (0,)),)  # a housing turned by pins shifts the waveform as a whole
+    if counted is None:  # a housing turned by pins shifts the waveform as a whole
+        return (Place(kind, None, tuple(range(reducer.sun_teeth if kind == "sun" and turns else 1))),)
     number = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins}[counted]
     if kind != "disc":
         return tuple(Place(kind, n, (0,)) for n in range(number))
@@ -124,7 +124,7 @@ def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn
     place : int, optional
         As for `MeasuredPart.at`.
     turn : int
-        Steps, counter-clockwise: pitches of the bores of a disc, pins of a housing.
+        Steps, counter-clockwise: pitches of the bores of a disc, teeth of a sun, pins of a housing.
 
     Returns
     -------
@@ -143,11 +143,13 @@ def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn
     cycloid.disc_bore_position (disc 1, crank 1): radial 3 um
     """
     errors = part.at(place)
-    steps = {"disc": reducer.cranks, "housing": reducer.pins}.get(part.kind, 1)
+    steps = {"disc": reducer.cranks, "sun": reducer.sun_teeth, "housing": reducer.pins}.get(part.kind, 1)
     if turn == 0:
         return errors
     if steps == 1:
-        raise InputError(f"{part.kind} {part.serial}: turn = {turn}: only discs and housings are turned; leave it out")
+        raise InputError(
+            f"{part.kind} {part.serial}: turn = {turn}: only discs, suns and housings are turned; leave it out"
+        )
     shifts = {"pin": (turn, reducer.pins)}
     if part.kind == "disc":
         assert place is not None

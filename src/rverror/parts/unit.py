@@ -53,7 +53,7 @@ def unit_of_parts(
     parts: Sequence[MeasuredPart],
     places: Mapping[str, Sequence[str]] | None = None,
     *,
-    turns: Mapping[str, int] | None = None,
+    turns: Mapping[str, Sequence[int]] | None = None,
 ) -> Model:
     """Model of the unit that is assembled of measured parts.
 
@@ -65,9 +65,10 @@ def unit_of_parts(
     places : mapping of str to sequence of str, optional
         Serial numbers by kind, in the order of the places: ``{"disc": ["D17", "D18"]}``.  Of a kind that is left out
         there must be as many parts as places; they take these in their order.
-    turns : mapping of str to int, optional
-        By how many pitches of its bores a disc is turned counter-clockwise from where it was measured, by its serial
-        number.  A disc that is left out is turned by the fewest with which its lobes stand right.
+    turns : mapping of str to sequence of int, optional
+        By how many pitches of their bores discs are turned counter-clockwise from where they were measured, a sun by
+        how many teeth, in the same order: ``{"disc": [0, 1]}``.  Where they are left out discs are turned by the fewest
+        with which their lobes stand right.
 
     Returns
     -------
@@ -101,10 +102,12 @@ def unit_of_parts(
     added: list[Effect] = []
     for kind, serials in mounted_parts(parts, model.mechanism, places).items():
         reducer = rv(model.mechanism)
-        for place, serial in zip(places_of(reducer, kind), serials, strict=True):
+        turned = (turns or {}).get(kind, [None] * len(serials))
+        if len(turned) != len(serials):
+            raise InputError(f"turns of {kind}: {len(turned)} for {len(serials)} in a unit; give one for each place")
+        for place, serial, turn in zip(places_of(reducer, kind), serials, turned, strict=True):
             part = found[kind, serial]
             origin = f"{kind} {part.serial}" + (f", {part.origin}" if part.origin else "")
-            turn = (turns or {}).get(serial) if kind == "disc" else None
             added += [replace(error, origin=origin) for error in _at_place(part, reducer, place.number, turn)]
     twice = [name for error in added if (name := describe(error.key, error.indices)) in declared]
     if twice:
@@ -113,9 +116,9 @@ def unit_of_parts(
 
 
 def _at_place(part: MeasuredPart, reducer: Reducer, place: int | None, turn: int | None) -> tuple[Effect, ...]:
-    """Errors of a part where it is mounted; of a disc, turned by so many pitches of its bores, else by the fewest."""
+    """Errors of a part where it is mounted and turned, a disc by the fewest pitches of its bores if none are given."""
     if part.kind != "disc" or place is None:
-        return part.at(place)
+        return mounted(part, reducer, place, turn or 0)
     ways = disc_turns(reducer, part.made_for, place)
     if not (ways if turn is None else turn % reducer.cranks in ways):
         so = "" if turn is None else f" turned by {turn} pitches of its bores"
@@ -126,7 +129,7 @@ def _at_place(part: MeasuredPart, reducer: Reducer, place: int | None, turn: int
     return mounted(part, reducer, place, ways[0] if turn is None else turn)
 
 
-def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]], dict[str, int]]:
+def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[int, ...]]]:
     """Parts of one unit of a list for the assembly shop, as ``rverror match --save`` writes it.
 
     Parameters
@@ -140,7 +143,7 @@ def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]
     Returns
     -------
     places : dict of str to tuple of str
-    turns : dict of str to int
+    turns : dict of str to tuple of int
         As `unit_of_parts` takes them.
 
     Raises
@@ -155,7 +158,7 @@ def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     size = Path(folder, "units.csv").write_text("unit,disc_0,disc_1,disc_1_turn\\n17,D4,D2,1\\n")
     ...     places_in_list(Path(folder, "units.csv"), 17)
-    ({'disc': ('D4', 'D2')}, {'D2': 1})
+    ({'disc': ('D4', 'D2')}, {'disc': (0, 1)})
     """
     lines = split_lines(read_text(path))
     rows = list(csv.DictReader(lines, delimiter=";" if ";" in lines[0] else ",") if lines else ())
@@ -164,21 +167,25 @@ def places_in_list(path: PathLike, unit: int) -> tuple[dict[str, tuple[str, ...]
         listed = f"{', '.join(numbers[:5])} ..." if any(numbers) else "no numbers in a column unit"
         raise InputError(f"{path}: no unit {unit}: the list has {listed}; give one that `rverror match --save` wrote")
     row = rows[numbers.index(str(unit))]
-    found: dict[str, dict[int, str]] = {}
-    turned: dict[int, str] = {}
+    serials, turned = dict[str, dict[int, str]](), dict[str, dict[int, str]]()
     for name, text in row.items():
         match = re.fullmatch(rf"({'|'.join(KINDS)})(?:_(\d+))?(_turn)?", name or "")
         if match:
-            held = turned if match[3] else found.setdefault(match[1], {})
-            held[int(match[2] or 0)] = (text or "").strip()
-    for kind, at in found.items():
+            held = turned if match[3] else serials
+            held.setdefault(match[1], {})[int(match[2] or 0)] = (text or "").strip()
+    odd = [text for at in turned.values() for text in at.values() if not re.fullmatch(r"-?\d{1,9}", text)]
+    if odd:
+        raise InputError(f"{path}, unit {unit}: a part turned by {shown(odd[0])}; give a whole number")
+    for kind, at in serials.items():
         if sorted(at) != list(range(len(at))):
             raise InputError(f"{path}: columns of {kind} {some(sorted(at))}; give one for each place, from {kind}_0 on")
-    odd = [text for text in turned.values() if not re.fullmatch(r"-?\d{1,9}", text)]
-    if odd:
-        raise InputError(f"{path}, unit {unit}: a disc turned by {shown(odd[0])} pitches; give a whole number")
-    places = {kind: tuple(at[place] for place in sorted(at)) for kind, at in found.items()}
-    return places, {found["disc"][place]: int(text) for place, text in turned.items() if place in found.get("disc", {})}
+    places = {kind: tuple(at[place] for place in sorted(at)) for kind, at in serials.items()}
+    turns = {
+        kind: tuple(int(turned[kind].get(place, 0)) for place in range(len(places[kind])))
+        for kind in turned
+        if kind in places
+    }
+    return places, turns
 
 
 def mounted_parts(
