@@ -255,13 +255,14 @@ def matched() -> Matched:
             ),
             MODEL,
             (20 * ARCSEC + n * ARCSEC, 50 * ARCSEC, 21 * ARCSEC),
+            (1.0, 1.0, 0.5)[n],
         )
         for n in range(3)
     )
     turns = np.array([unit.turns for unit in units])
     ways = (
-        WayToBuild("put together at random", 2 * turns, np.array([0.9, 1.3, 2.1])),
-        WayToBuild("matched", turns, np.array([0.83, 0.84, 0.85]), cost=2.5),
+        WayToBuild("put together at random", 2 * turns, np.array([0.9, 1.3, 2.1]), np.array([[0.9], [1.3], [2.1]])),
+        WayToBuild("matched", turns, np.array([0.83, 0.84, 0.85]), np.array([[0.8, 0.9]] * 2 + [[0.9, 1.1]]), cost=2.5),
     )
     allowed = (30 * ARCSEC, 60 * ARCSEC, 30 * ARCSEC)
     return Matched(HOSTILE, quantities, allowed, units, {"disc": ("D9", HOSTILE)}, 4, 4, ways, 0.05, (HOSTILE,))
