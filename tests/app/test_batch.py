@@ -297,6 +297,17 @@ def test_overview_leads_to_the_page_of_each_unit(plant: Path) -> None:
     assert "shaft.eccentricity" in (out / "b-complete.html").read_text(encoding="utf-8")
 
 
+def test_a_page_that_cannot_be_made_is_told(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> str:
+        raise ValueError("no page of this")
+
+    monkeypatch.setattr("rverror.views.report.to_html", broken)
+    result, _ = done(plant, pages=True)
+    assert set(states(result).values()) == {"failed"}
+    assert "ValueError: no page of this" in table(plant.parent / "out")["a-idler"]["error"]
+    assert not list((plant.parent / "out").glob("a-idler.*"))
+
+
 @pytest.mark.parametrize(
     ("folder", "page", "words"),
     [

@@ -344,11 +344,11 @@ def _diagnose_unit(unit: _Unit) -> _Answer:
         files = input_files(unit.inputs)
         model = load_model(unit.model)
         found = diagnose(model, [read_run(path, model, unit.mapping) for path in unit.runs])
-        data = diagnosis_json(found, files=files)
         if unit.page is not None:
             from rverror.views.report import to_html  # all kinds of results, for this option alone
 
             page = to_html(found, files=files)
+        data = diagnosis_json(found, files=files)
     except (InputError, NotConvergedError) as problem:
         error = str(problem)
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import warnings
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -81,14 +80,20 @@ def _data(figure: Figure, number: int) -> str:
     figure.set_dpi(72)  # mpld3 takes points for pixels
     for ax in figure.axes:
         ax.yaxis.labelpad += 10  # numbers have more digits once it is zoomed
+        ax.xaxis.labelpad += 3
         for line in ax.lines:  # across the axes: through the same points of the data
             line.set_data(*(line.get_transform() - ax.transData).transform(line.get_xydata()).T)
             line.set_transform(ax.transData)
-    figure.draw_without_rendering()  # places the labels
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for ax in figure.axes:
+        for label in (ax.xaxis.label, ax.yaxis.label, ax.title):  # as plain texts: mpld3 warns of labels
+            x, y = (label.get_transform() - ax.transAxes).transform(label.get_position())
+            style = {name: getattr(label, f"get_{name}")() for name in ("ha", "va", "rotation", "size")}
+            ax.text(x, y, label.get_text(), transform=ax.transAxes, **style)
+            label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of labels, which stay where they are anyway
-        told = json.dumps(mpld3.fig_to_dict(figure), default=float)
+    told = json.dumps(mpld3.fig_to_dict(figure), default=float)
     figure.set_dpi(dpi)
     names, numbers = dict[str, str](), count()
     told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
