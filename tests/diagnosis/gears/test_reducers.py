@@ -24,7 +24,8 @@ from rverror.diagnosis.gears.account import half_widths
 from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.reducers import placed, ripples_apart, with_marks
+from rverror.diagnosis.gears.reducers import placed, renewed, ripples_apart, with_marks
+from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.kinematics import fundamental_orders
@@ -232,6 +233,23 @@ def test_intervals_hold_the_sizes_at_marks_that_chance_does_not_tell() -> None:
     for other in alike:
         sizes, those = ([v for e in one.model.effects for v in e.values] for one in (best.fit, other))
         assert (np.abs(np.subtract(those, sizes)) < whole[: len(sizes)]).all()
+
+
+def test_a_cause_that_comes_with_the_noise_stands_against_noise_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under the noise that the first set leaves another set may be found, whose causes may be noise too."""
+    fit = at_marks(0.1, SMALL, added=(BORE,))
+    other = replace(fit.model, effects=(*fit.declared.effects, PIN))
+    one, two = (search_of(fit).score.of(f) for f in (fit, fitted(evaluated(fit.bench, other, fit.declared))))
+    for answers, judged in (([one, two, two], [one, two]), ([one, one], [one]), ([one, search_of(fit).root], [one])):
+        left, seen = list(answers), []
+        monkeypatch.setattr(Search, "best", lambda self, *also, swap=True, left=left: (left.pop(0), True))
+        monkeypatch.setattr(
+            "rverror.diagnosis.gears.reducers.quiet",
+            lambda search, best, fit, parts, seen=seen: seen.append(best) or fit,
+        )
+        assert renewed(search_of(fit))[1:] == (answers[-1], True)
+        assert seen == judged
+        assert left == []
 
 
 def test_a_reading_that_settles_is_neither_noise_nor_a_cause() -> None:

@@ -140,7 +140,7 @@ def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hyp
         search = search.anew(root)
         before = best.names
         best, done = search.best(search.score.of(fitted(still), best.lines, best.slow))
-        settled = done and (stilled is None or best.names == before)
+        settled = done and (best.names <= before if stilled is None else best.names == before)
         if changed is None and (settled or search.spent > policy.budget):
             break
     return search, best, done
