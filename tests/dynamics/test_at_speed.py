@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, reject, settings, strategies as st
 
 import rverror
 from rverror import Model, Reducer, effect
@@ -366,19 +366,29 @@ def test_errors_that_repeat_after_too_many_turns_are_refused() -> None:
 @settings(max_examples=5, deadline=None)
 @given(unit=reducers(), turn=st.floats(0.2, 4), sign=st.sampled_from([-1.0, 1.0]), kept=st.integers(1, 6))
 def test_any_train_has_its_periodic_motion(unit: Reducer, turn: float, sign: float, kept: int) -> None:
-    """What is left of M y'' + C y' + K y + M (X'' + x_s'') in the coordinates that are kept."""
+    """What is left of M y'' + C y' + K y + M (X'' + x_s'') in the coordinates that are kept.
+
+    An answer is given to 1e-8 of the force, as modes have it; what GMRES does not reach is refused.
+    """
     errors = (ERRORS[0], effect("cycloid.disc_pitch", disc=0, harmonic=1, cos="4 um"), ERRORS[2])
     whole, _ = moving(Model(unit, errors, bench=BOTH_ENDS), torque=1e5, count=samples_needed(unit), direction=sign)
     reduced, speed = whole.reduced(kept), sign * turn
     own, force = reduced.oscillator, speed**2 * reduced.forced.by_speed
-    moved = reduced.response(speed)
+    try:
+        moved = reduced.response(speed)
+    except rverror.InputError as refused:
+        if "of the force is left" not in str(refused):
+            raise
+        reject()
     first, second = (speed**power * slope(moved, 1.0, power) for power in (1, 2))
     stiffness = own.stiffness + speed**2 * own.centrifugal[..., None]
     damping = own.damping + speed * own.turning[..., None]
     left = second + np.einsum("ijn,jn->in", damping, first) + np.einsum("ijn,jn->in", stiffness, moved) - force
     # a second derivative has the rounding of what it is taken of times the square of the shortest wave
     rounding = np.finfo(float).eps * (speed * own.count / 2) ** 2 * np.linalg.norm(moved)
-    assert np.linalg.norm(left) < 1e-10 * np.linalg.norm(force) + rounding
+    _, modes = own.mean_modes
+    least = 1e-8 * np.linalg.norm(modes.T @ force) + np.linalg.norm(modes, 2) * rounding
+    assert np.linalg.norm(modes.T @ left) < least
 
 
 # --- contacts that would have to pull ---------------------------------------------------------------------------------
