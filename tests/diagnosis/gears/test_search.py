@@ -270,6 +270,8 @@ def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_la
     one = search.score.of(fit)
     assert not any(other.slow for other in search_of(short, [CAM.key]).settling(search.score.of(short)))
     (settling,) = search.settling(one)
+    search.expand(one, search._singly)  # with the first causes: what settles hides smaller ones
+    assert any(other.slow for other in search.known.values())
     assert settling.slow
     assert 50 < fit.objective - settling.fit.objective < inexact(fit)
     assert not search.complete(one)

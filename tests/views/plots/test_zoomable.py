@@ -47,6 +47,14 @@ def test_the_same_figure_has_the_same_data_and_another_number_other_names() -> N
     assert one["id"] != other["id"]
 
 
+def test_a_gap_of_a_line_is_json_and_stays_a_gap() -> None:
+    figure, (ax,) = new_figure()
+    ax.plot([0.0, 1.0, 2.0, 3.0], [1.0, np.nan, 2.0, 3.0])
+    element = figure_element(figure, 0)
+    assert "NaN" not in element.replace('"NaN"', "")  # a bare one is no JSON, and browsers would draw nothing at all
+    assert data_of(element)["data"]["data01"] == [[0.0, 1.0], [1.0, "NaN"], [2.0, 2.0], [3.0, 3.0]]
+
+
 def test_a_name_cannot_end_the_data() -> None:
     element = figure_element(curve(HOSTILE), 0)
     assert element.count("</script>") == 1

@@ -73,10 +73,9 @@ def _can_zoom(figure: Figure) -> bool:
 
 
 def _data(figure: Figure, number: int) -> str:
-    """Data of a figure as a script element that does not run; the same for the same figure."""
+    """Data of a figure, which is used up, as a script element that does not run; the same for the same figure."""
     import mpld3
 
-    dpi = figure.dpi
     figure.set_dpi(72)  # mpld3 takes points for pixels
     for ax in figure.axes:
         ax.yaxis.labelpad += 10  # numbers have more digits once it is zoomed
@@ -94,8 +93,9 @@ def _data(figure: Figure, number: int) -> str:
             label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
     told = json.dumps(mpld3.fig_to_dict(figure), default=float)
-    figure.set_dpi(dpi)
     names, numbers = dict[str, str](), count()
     told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
-    told = json.dumps(json.loads(told, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}")))
+    # JSON has no NaN: as a word it is none to a line either, which has a gap there
+    brief = json.loads(told, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}"), parse_constant=str)
+    told = json.dumps(brief, allow_nan=False)
     return '<script type="application/json">' + told.replace("<", "\\u003c") + "</script>"
