@@ -142,7 +142,7 @@ REFUSED = {
     ("efficiency", "--torque", "3"): "--torque: '3' has no unit; write it like '20 N*m'",
     ("efficiency", "--torque", "3 N*m", "--drives", "output"): "m.toml: torque = 3 N*m: the output drives with more",
     ("efficiency", "--phase", "3 N*m, 9 rpm"): "'3 N*m, 9 rpm' is not torque, speed and time; write it like",
-    ("efficiency", "--phase", "3 N*m, 9 rpm, 0 h"): "hours = 0.0: must be above 0 in a phase of a duty; write it like",
+    ("efficiency", "--phase", "3 N*m, 9 rpm, 0 h"): "hours = 0: must be above 0; write it like",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--torque", "3 N*m"): "--torque: the phases of a duty have theirs",
     ("efficiency", "--ambient", "20 degC"): "--ambient: for a duty cycle only; give its phases with --phase",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--lubricant", *["9 cSt"] * 2, "20 degC", "9 rpm"): (
@@ -156,7 +156,7 @@ REFUSED = {
     ("pressure", "--disc-width", "9 mm", "--gear-width", "0 mm"): "m.toml: gear_width = 0 mm: must be above 0",
     ("pressure", "--disc-width", "9 mm", "--gear-width", "8 mm", "--cam-bearing", "x", *["1 mm"] * 3): "'x' rollers",
     ("pressure", "--disc-width", "9 mm", "--gear-width", "8 mm", "--carrier-bearing", "2", *["1 mm"] * 3): (
-        "--carrier-bearing: rollers = 2: must be a whole number, 3 or more"
+        "--carrier-bearing: rollers = 2: must be 3 or more"
     ),
 }
 

@@ -97,10 +97,11 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"cranks": 1}, "cranks = 1: must be 2 or more"),
     ({"discs": 0}, "discs = 0: must be 1 or more"),
     *(
-        ({name: value}, f"{name} = {value:g}: must be above 0")
-        for name in ("module", "pin_circle_radius", "pin_radius", "eccentricity", "rated_torque", "spline_radius")
+        ({name: value}, f"{name} = {value:g} mm: must be above 0")
+        for name in ("module", "pin_circle_radius", "pin_radius", "eccentricity", "spline_radius")
         for value in (0, -1.5)
     ),
+    ({"rated_torque": -1e3}, r"rated_torque = -1 N\*m: must be above 0"),
     ({"gear_backlash": -0.01}, "gear_backlash = -0.01 mm: must be 0 or more"),
     ({"pressure_angle": 0}, "pressure_angle = 0 deg: must lie between 0 and 45 deg"),
     ({"pressure_angle": 20.0}, "pressure_angle = 1145.92 deg: must lie between 0 and 45 deg; .*write '20 deg'"),
@@ -109,7 +110,7 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"disc_lobes": 40}, "pins = 40 with disc_lobes = 40: .*use pins = 41 or disc_lobes = 39"),
     ({"discs": 1}, "discs = 1 with cranks = 2: .*dead centres.*; use discs = 2 or cranks = 3"),
     ({"crank_circle_radius": 27.1}, r"crank_circle_radius = 27.1 mm: must equal .* = 27 mm; leave it out"),
-    ({"crank_circle_radius": -27.0}, "crank_circle_radius = -27: must be above 0"),
+    ({"crank_circle_radius": -27.0}, "crank_circle_radius = -27 mm: must be above 0"),
     ({"module": 3.3}, "module = 3.3 mm: the crank circle of 59.4 mm must lie inside the root circle of 58.5 mm"),
     ({"eccentricity": 1.6}, r"eccentricity = 1.6 mm: K = a z_p / R_p = 1 must be below 1, .* below 1.6 mm"),
     ({"eccentricity": 1.7}, r"eccentricity = 1.7 mm: K = .* = 1.062 must be below 1"),

@@ -11,9 +11,10 @@ import pytest
 
 import rverror
 from pages import DOCS, text
+from rverror.base.quantities import COUNT, quantities
 from rverror.base.units import CORE_UNITS, DISPLAY_UNITS, to_display
 from rverror.geartrain import Stiffness
-from rverror.geartrain.mechanism import DIMENSIONS, preset_parameters, presets
+from rverror.geartrain.mechanism import preset_parameters, presets
 
 #: Ratios of the maker's table, shaft rotation; what is printed with decimals is cut off or rounded.
 PRINTED = {
@@ -28,6 +29,8 @@ PRINTED = {
 BASE = {"RV-20E": "RV-40E", "RV-110E": "RV-80E", "RV-320E": "RV-80E"}
 MODULES = (1, 1.125, 1.25, 1.375, 1.5, 1.75, 2, 2.25, 2.5)  # ISO 54, both series
 N_M_PER_ARCMIN = 1e3 * 60 * 180 / math.pi  # N*mm/rad
+
+DIMENSIONS = {name: what.dimension for name, what in quantities(rverror.Reducer).items()}
 
 
 def suns(printed: str, pins: np.ndarray, teeth: np.ndarray) -> np.ndarray:
@@ -171,7 +174,7 @@ def test_every_number_has_an_origin_that_the_bibliography_or_a_rule_tells(name: 
 def written(name: str, value: object) -> str:
     if isinstance(value, Stiffness):
         return ", ".join(f"{key} {number / 1e3:g}" for key, number in vars(value).items()) + " kN/mm"
-    if name not in DIMENSIONS:
+    if name not in DIMENSIONS or DIMENSIONS[name] == COUNT:
         return str(value)
     shown = {"length": "mm"}.get(DIMENSIONS[name], DISPLAY_UNITS[DIMENSIONS[name]])
     core = shown == CORE_UNITS[DIMENSIONS[name]]

@@ -162,7 +162,7 @@ def test_a_shafts_reading_repeats_with_that_shaft() -> None:
     ("given", "says"),
     [
         ({"ratio": 0.0}, "ratio = 0: must be"),
-        ({"output_encoder": -1e-6}, "output_encoder = -1e-06: must be 0 or more"),
+        ({"output_encoder": -1e-6}, "output_encoder = -0.206265 arcsec: must be 0 or more"),
         ({"output_counts": 0}, "output_counts = 0: must be 1 or more"),
         ({"noise": -1e-6}, "noise = -1e-06: must be 0 or more"),
         ({"noise": 1e-6, "revolutions": 0}, "revolutions = 0: must be 1 or more"),

@@ -145,16 +145,16 @@ def test_a_unit_that_is_warm_all_over_moves_its_output_by_nothing() -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: DutyPhase(torque=-1e3, speed=1.0), r"torque = -1000.0: must be 0 or more"),
+        (lambda: DutyPhase(torque=-1e3, speed=1.0), r"torque = -1 N\*m: must be 0 or more"),
         (lambda: DutyPhase(torque=1e3, speed=1.0, hours=0), "hours = 0: must be above 0"),
         (lambda: over([]), "give one or several DutyPhase"),
         (lambda: over(3.0), "give one or several DutyPhase"),
-        (lambda: over(CYCLE, thermal_resistance="-1 K/W"), "a thermal resistance of -1 K/W: must be 0 or more"),
+        (lambda: over(CYCLE, thermal_resistance="-1 K/W"), "thermal_resistance = -1 kelvin/W: must be 0 or more"),
         (lambda: over(CYCLE, ambient="-300 degC"), "ambient = .*must be above 0"),
         (lambda: Lubricant(viscosity_40=10, viscosity_100=20, temperature=300, speed=1), "must be below viscosity_40"),
         (
             lambda: Lubricant(viscosity_40=20, viscosity_100=5, temperature=300, speed=1, viscous=2),
-            "viscous = 2: must be a share",
+            "viscous = 2: must be from 0 to 1, a share",
         ),
         (lambda: duty_efficiency(NEW, THETA, duty=CYCLE), "nothing is said of it"),
     ],

@@ -221,7 +221,7 @@ def test_another_geometry_is_refused() -> None:
 
 @pytest.mark.parametrize("exponent", [0.99, 1.51, True, "10/9", math.nan])
 def test_an_exponent_of_no_contact_is_refused(exponent: object) -> None:
-    with pytest.raises(ValueError, match=r"pin_exponent = .*must be a number from 1 .* to 1.5"):
+    with pytest.raises(ValueError, match=r"^pin_exponent"):
         ContactLaw(pin_exponent=exponent)  # type: ignore[arg-type]
 
 

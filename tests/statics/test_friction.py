@@ -568,7 +568,7 @@ def test_what_has_no_balance_or_no_sense_is_refused() -> None:
         of(torque="3 N*m", drives="output")
     with pytest.raises(ValueError, match=r"crank_bearing_radius is missing: crank_bearing = 0\.002 counts at it"):
         Friction(crank_bearing=0.002)
-    with pytest.raises(ValueError, match=r"pin = -0\.1: a coefficient"):
+    with pytest.raises(ValueError, match=r"pin = -0\.1: must be 0 or more"):
         Friction(pin=-0.1)
     with pytest.raises(ValueError, match=r"drag = -1 N\*m: must be 0 or more"):
         Friction(drag="-1 N*m")

@@ -113,7 +113,7 @@ def test_largest_curvature_that_is_convex_is_that_of_the_smallest_convex_radius(
 
 def test_a_share_beyond_its_bounds_is_refused() -> None:
     for share in (-0.1, 2.1, float("nan")):
-        with pytest.raises(ValueError, match=r"profile_curvature = .*: must be a number from 0 .* to 2"):
+        with pytest.raises(ValueError, match=r"^profile_curvature"):
             ContactLaw(profile_curvature=share)
 
 

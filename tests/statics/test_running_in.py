@@ -189,7 +189,7 @@ def test_a_fit_finds_what_a_course_was_made_with() -> None:
         (lambda: worn(rough={"pni": RunningIn(depth=1e-3, coefficient=1e-11)}), "no body 'pni'; give one of disc"),
         (lambda: worn(rough=RunningIn(depth=1e-3, coefficient=1e-11)), "running_in = .*give a mapping"),  # type: ignore[arg-type]
         (lambda: RunningIn(depth=0, coefficient=1e-11), "depth = 0 mm: must be above 0"),
-        (lambda: WearCoefficients(spline="-1 um/kN"), "spline = -1 um/kN: a wear coefficient must be 0 or more"),
+        (lambda: WearCoefficients(spline="-1 um/kN"), "spline = -1 um/kN: must be 0 or more"),
         (lambda: fitted(hours=[0, 10], free=["depth", "lasting"]), "give both from 0 h on, and 2 or more"),
         (lambda: fitted(hours=[5, 10], free=["depth"]), "give both from 0 h on"),
         (lambda: fitted(hours=[0, 10], free=["late"]), "free = .*give some of depth, running_in, lasting"),

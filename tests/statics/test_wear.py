@@ -344,7 +344,7 @@ def test_coefficients_have_units() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"disc": -1e-13}, r"disc = -1e-10 mm\^3/\(N\*m\): a wear coefficient must be 0 or more"),
+        ({"disc": -1e-13}, r"disc = -1e-10 mm\^3/\(N\*m\): must be 0 or more"),
         ({}, "no wear coefficient is above 0; give one of disc, pin, sun, planet"),
         ({"disc": "1 mm"}, "disc: .*no unit of wear coefficient"),
         ({"disc": 1e-13, "hours": 0}, "hours = 0: must be above 0"),

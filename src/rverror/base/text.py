@@ -207,9 +207,10 @@ def shown(value: object, longest: int = 40) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`` did you mean 'x'?`` for the nearest known word, else nothing."""
-    close = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
-    return f" did you mean {close[0]!r}?" if close else ""
+    """`` did you mean 'x'?`` for the nearest known word in whatever case, else nothing."""
+    by_lower = {one.lower(): one for one in known}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f" did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def some(numbers: Iterable[int], limit: int = 5) -> str:

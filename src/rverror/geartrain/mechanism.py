@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
+import sys
 import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
@@ -18,11 +18,15 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.errors import InputError, check_kind
+from rverror.base.quantities import COUNT, Checked, quantities, quantity
+from rverror.base.text import did_you_mean
 from rverror.base.viewed import Viewed
+
+_STIFFNESS = quantity("stiffness", "200000 N/mm", above=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stiffness:
+class Stiffness(Checked):
     """Stiffness of each contact, N/mm.
 
     Parameters
@@ -51,24 +55,19 @@ class Stiffness:
     250000.0
     """
 
-    pin_contact: float = 2e5
-    crank_bearing: float = 3e5
-    carrier_bearing: float = 3e5
-    gear_mesh: float = 2e5
-    sun_support: float = 1e2
-    main_bearing: float = 1e6
+    pin_contact: float = field(default=2e5, metadata=_STIFFNESS)
+    crank_bearing: float = field(default=3e5, metadata=_STIFFNESS)
+    carrier_bearing: float = field(default=3e5, metadata=_STIFFNESS)
+    gear_mesh: float = field(default=2e5, metadata=_STIFFNESS)
+    sun_support: float = field(default=1e2, metadata=_STIFFNESS)
+    main_bearing: float = field(default=1e6, metadata=_STIFFNESS)
 
-    def __post_init__(self) -> None:
-        """Convert to N/mm and check that each value is positive."""
-        for item in dataclasses.fields(self):
-            value = units.named_core(item.name, getattr(self, item.name), "stiffness")
-            if not value > 0:
-                raise ValueError(f"{item.name} = {value:g} N/mm: a stiffness must be above 0")
-            object.__setattr__(self, item.name, value)
+
+_SPREAD = quantity("number", "'25 %'", least=0.0, remedy=", a share; 0 is exact")
 
 
 @dataclass(frozen=True, kw_only=True)
-class StiffnessUncertainty:
+class StiffnessUncertainty(Checked):
     """How well each contact stiffness is known: 1 sigma of its logarithm; 0 is exact.
 
     Parameters
@@ -92,29 +91,12 @@ class StiffnessUncertainty:
     0.25
     """
 
-    pin_contact: float = 0.25
-    crank_bearing: float = 0.25
-    carrier_bearing: float = 0.25
-    gear_mesh: float = 0.25
-    sun_support: float = 0.25
-    main_bearing: float = 0.25
-
-    def __post_init__(self) -> None:
-        """Check that each value is a size."""
-        for item in dataclasses.fields(self):
-            object.__setattr__(self, item.name, _at_least(item.name, getattr(self, item.name), "0 (exact)", 0.0))
-
-
-def _at_least(name: str, given: Any, bound: str, least: float, most: float = math.inf) -> float:
-    if (
-        isinstance(given, bool)
-        or not isinstance(given, (int, float))
-        or not least <= given <= most
-        or given == math.inf
-    ):
-        end = f" to {most:g}" if most < math.inf else " on"
-        raise ValueError(f"{name} = {given!r}: must be a number from {bound}{end}")
-    return float(given)
+    pin_contact: float = field(default=0.25, metadata=_SPREAD)
+    crank_bearing: float = field(default=0.25, metadata=_SPREAD)
+    carrier_bearing: float = field(default=0.25, metadata=_SPREAD)
+    gear_mesh: float = field(default=0.25, metadata=_SPREAD)
+    sun_support: float = field(default=0.25, metadata=_SPREAD)
+    main_bearing: float = field(default=0.25, metadata=_SPREAD)
 
 
 #: N.  Force at which a declared contact stiffness holds where the contact closes by a power law: the middle, on a
@@ -123,23 +105,20 @@ def _at_least(name: str, given: Any, bound: str, least: float, most: float = mat
 REFERENCE_FORCE = 100.0
 
 
-#: Least and largest of each number of a contact law, and what the least is.
-LAW_BOUNDS = {
-    "pin_exponent": (1.0, 1.5, "linear, 10/9: line contact"),
-    "flank_exponent": (1.0, 1.5, "linear, 10/9: line contact"),
-    "profile_curvature": (0.0, 2.0, "first order; 1: as the geometry says"),
-}
-
-
-#: Standard deviations of these before a unit is measured: of an exponent that of a line contact, 10/9, from linear; of
-#: the curvature half of what is between straight profiles, 0, and the geometry's, 1, since a profile may be relieved
-#: where it is bent most.  And of the backlash, as a share of the declared one, since it wears.
+#: Standard deviations of the numbers of a contact law before a unit is measured: of an exponent that of a line
+#: contact, 10/9, from linear; of the curvature half of what is between straight profiles, 0, and the geometry's, 1,
+#: since a profile may be relieved where it is bent most.  And of the backlash, as a share of the declared one, since it
+#: wears.
 LAW_SPREAD = {"pin_exponent": 0.1, "flank_exponent": 0.1, "profile_curvature": 0.5}
 BACKLASH_SPREAD = 0.5
 
 
+_EXPONENT = quantity("number", "1.11", least=1.0, most=1.5, remedy="; 1 is linear, 10/9 a line contact")
+_CURVATURE = quantity("number", "1.0", least=0.0, most=2.0, remedy="; 0 is first order, 1 what the geometry says")
+
+
 @dataclass(frozen=True, kw_only=True)
-class ContactLaw:
+class ContactLaw(Checked):
     """Power laws by which pins and gear flanks close, f = F0 (k p / F0)^exponent, and how pins follow their discs.
 
     Parameters
@@ -168,18 +147,18 @@ class ContactLaw:
     1.0
     """
 
-    pin_exponent: float = 1.0
-    flank_exponent: float = 1.0
-    profile_curvature: float = 0.0
+    pin_exponent: float = field(default=1.0, metadata=_EXPONENT)
+    flank_exponent: float = field(default=1.0, metadata=_EXPONENT)
+    profile_curvature: float = field(default=0.0, metadata=_CURVATURE)
 
-    def __post_init__(self) -> None:
-        """Check that each number is that of a contact."""
-        for name, (low, high, is_low) in LAW_BOUNDS.items():
-            object.__setattr__(self, name, _at_least(name, getattr(self, name), f"{low:g} ({is_low})", low, high))
+
+#: Least and largest of each number of a contact law.
+LAW_BOUNDS = {name: (one.least, one.most) for name, one in quantities(ContactLaw).items()}
+_PRELOAD = quantity("length", "2 um", least=0.0, remedy="; it is an interference")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BearingPreload:
+class BearingPreload(Checked):
     """Interference of preloaded bearings: how far their rollers are pressed in all around, mm; 0 for none.
 
     Parameters
@@ -206,32 +185,16 @@ class BearingPreload:
     0.002
     """
 
-    crank_bearing: float = 0.0
-    carrier_bearing: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Convert to mm and check that each value is a size."""
-        for item in dataclasses.fields(self):
-            value = units.named_core(item.name, getattr(self, item.name), "length")
-            if not 0 <= value < math.inf:
-                raise ValueError(f"{item.name} = {1e3 * value:g} um: must be 0 (none) or more; it is an interference")
-            object.__setattr__(self, item.name, value)
+    crank_bearing: float = field(default=0.0, metadata=_PRELOAD)
+    carrier_bearing: float = field(default=0.0, metadata=_PRELOAD)
 
 
-#: Dimension of each number of a reducer's friction.
-FRICTION_DIMENSIONS = {
-    "pin": "number",
-    "mesh": "number",
-    "crank_bearing": "number",
-    "carrier_bearing": "number",
-    "crank_bearing_radius": "length",
-    "carrier_bearing_radius": "length",
-    "drag": "torque",
-}
+_COEFFICIENT = quantity("number", "0.05", least=0.0, remedy=", a coefficient of friction")
+_FRICTION_RADIUS = quantity("length", "10 mm", above=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Friction:
+class Friction(Checked):
     """Coefficients of friction of each kind of contact.
 
     Parameters
@@ -262,47 +225,31 @@ class Friction:
     5000.0
     """
 
-    pin: float = 0.0
-    mesh: float = 0.0
-    crank_bearing: float = 0.0
-    carrier_bearing: float = 0.0
-    crank_bearing_radius: float | None = None
-    carrier_bearing_radius: float | None = None
-    drag: float = 0.0
+    pin: float = field(default=0.0, metadata=_COEFFICIENT)
+    mesh: float = field(default=0.0, metadata=_COEFFICIENT)
+    crank_bearing: float = field(default=0.0, metadata=_COEFFICIENT)
+    carrier_bearing: float = field(default=0.0, metadata=_COEFFICIENT)
+    crank_bearing_radius: float | None = field(default=None, metadata=_FRICTION_RADIUS)
+    carrier_bearing_radius: float | None = field(default=None, metadata=_FRICTION_RADIUS)
+    drag: float = field(default=0.0, metadata=quantity("torque", "4 N*m", least=0.0))
 
     def __post_init__(self) -> None:
         """Convert to core units and check."""
-        for name in (name for name, dimension in FRICTION_DIMENSIONS.items() if dimension == "number"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value < math.inf:
-                raise ValueError(f"{name} = {value!r}: a coefficient of friction must be a number, 0 or more")
-            object.__setattr__(self, name, float(value))
-        drag = units.named_core("drag", self.drag, "torque")
-        if not 0 <= drag < math.inf:
-            raise ValueError(f"drag = {drag / 1e3:g} N*m: must be 0 or more")
-        object.__setattr__(self, "drag", drag)
+        super().__post_init__()
         for name in ("crank_bearing", "carrier_bearing"):
-            given = getattr(self, f"{name}_radius")
-            if given is None and getattr(self, name):
+            coefficient = getattr(self, name)
+            if coefficient and getattr(self, f"{name}_radius") is None:
                 raise ValueError(
-                    f"{name}_radius is missing: {name} = {getattr(self, name):g} counts at it; give it, like '10 mm'"
+                    f"{name}_radius is missing: {name} = {coefficient:g} counts at it; give it, like '10 mm'"
                 )
-            radius = 0.0 if given is None else units.named_core(f"{name}_radius", given, "length")
-            if given is not None and not 0 < radius < math.inf:
-                raise ValueError(f"{name}_radius = {radius:g} mm: must be above 0")
-            object.__setattr__(self, f"{name}_radius", None if given is None else radius)
 
 
-#: Dimension of each inertia of a reducer.
-INERTIA_DIMENSIONS = {
-    f"{part}_{what}": dimension
-    for part in ("carrier", "disc", "crank", "sun")
-    for what, dimension in (("mass", "mass"), ("inertia", "inertia"))
-}
+_MASS = quantity("mass", "0.8 kg", above=0.0, remedy="; leave it out for an estimate")
+_MOMENT = quantity("inertia", "0.002 kg*m^2", above=0.0, remedy="; leave it out for an estimate")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inertia:
+class Inertia(Checked):
     """Mass of each part, tonne, and its moment of inertia about its own axis, tonne*mm^2.
 
     Parameters
@@ -332,25 +279,14 @@ class Inertia:
     0.0008
     """
 
-    carrier_mass: float | None = None
-    carrier_inertia: float | None = None
-    disc_mass: float | None = None
-    disc_inertia: float | None = None
-    crank_mass: float | None = None
-    crank_inertia: float | None = None
-    sun_mass: float | None = None
-    sun_inertia: float | None = None
-
-    def __post_init__(self) -> None:
-        """Convert to core units and check that each value is positive."""
-        for name, dimension in INERTIA_DIMENSIONS.items():
-            value = getattr(self, name)
-            if value is not None:
-                value = units.named_core(name, value, dimension)
-                if not value > 0:
-                    shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
-                    raise ValueError(f"{name} = {shown}: must be above 0; leave it out for an estimate")
-                object.__setattr__(self, name, value)
+    carrier_mass: float | None = field(default=None, metadata=_MASS)
+    carrier_inertia: float | None = field(default=None, metadata=_MOMENT)
+    disc_mass: float | None = field(default=None, metadata=_MASS)
+    disc_inertia: float | None = field(default=None, metadata=_MOMENT)
+    crank_mass: float | None = field(default=None, metadata=_MASS)
+    crank_inertia: float | None = field(default=None, metadata=_MOMENT)
+    sun_mass: float | None = field(default=None, metadata=_MASS)
+    sun_inertia: float | None = field(default=None, metadata=_MOMENT)
 
 
 #: Parts that can be the output of a reducer while the other one is held.
@@ -358,7 +294,7 @@ OUTPUTS = ("carrier", "housing")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reducer(Viewed):
+class Reducer(Checked, Viewed):
     """Geometry of an RV reducer: an involute planetary stage that drives a cycloidal stage through cranks.
 
     Parameters
@@ -419,27 +355,27 @@ class Reducer(Viewed):
     (121.0, 27.0)
     """
 
-    sun_teeth: int
-    planet_teeth: int
-    module: float
-    pressure_angle: float
-    disc_lobes: int
-    pins: int
-    pin_circle_radius: float
-    pin_radius: float
-    eccentricity: float
-    cranks: int
-    discs: int
-    gear_backlash: float = 0.020
+    sun_teeth: int = field(metadata=quantity(COUNT, "9", least=5))
+    planet_teeth: int = field(metadata=quantity(COUNT, "27", least=5))
+    module: float = field(metadata=quantity("length", "1.5 mm", above=0.0))
+    pressure_angle: float = field(metadata=quantity("angle", "20 deg"))
+    disc_lobes: int = field(metadata=quantity(COUNT, "39", least=3))
+    pins: int = field(metadata=quantity(COUNT, "40", least=4))
+    pin_circle_radius: float = field(metadata=quantity("length", "64 mm", above=0.0))
+    pin_radius: float = field(metadata=quantity("length", "3 mm", above=0.0))
+    eccentricity: float = field(metadata=quantity("length", "1.25 mm", above=0.0))
+    cranks: int = field(metadata=quantity(COUNT, "2", least=2))
+    discs: int = field(metadata=quantity(COUNT, "2", least=1))
+    gear_backlash: float = field(default=0.020, metadata=quantity("length", "20 um", least=0.0))
     stiffness: Stiffness = field(default_factory=Stiffness)
     stiffness_uncertainty: StiffnessUncertainty = field(default_factory=StiffnessUncertainty)
     contact_law: ContactLaw = field(default_factory=ContactLaw)
     bearing_preload: BearingPreload = field(default_factory=BearingPreload)
     friction: Friction = field(default_factory=Friction)
     inertia: Inertia = field(default_factory=Inertia)
-    rated_torque: float | None = None
-    spline_radius: float | None = None
-    crank_circle_radius: float | None = None
+    rated_torque: float | None = field(default=None, metadata=quantity("torque", "412 N*m", above=0.0))
+    spline_radius: float | None = field(default=None, metadata=quantity("length", "7 mm", above=0.0))
+    crank_circle_radius: float | None = field(default=None, metadata=quantity("length", "27 mm", above=0.0))
     output: str = OUTPUTS[0]
     name: str = "custom"
 
@@ -447,18 +383,7 @@ class Reducer(Viewed):
         """Convert to mm and rad, derive the crank circle, check the geometry."""
         if self.output not in OUTPUTS:
             raise ValueError(f"output = {self.output!r}: must be one of {', '.join(map(repr, OUTPUTS))}")
-        for key, dimension in DIMENSIONS.items():
-            value = getattr(self, key)
-            if value is not None or key not in _OPTIONAL:
-                object.__setattr__(self, key, units.named_core(key, value, dimension))
-        for key, least in _COUNTS.items():
-            _check_count(key, getattr(self, key), least)
-        for key in ("module", "pin_circle_radius", "pin_radius", "eccentricity", *_OPTIONAL):
-            value = getattr(self, key)
-            if value is not None and not value > 0:
-                raise ValueError(f"{key} = {value:g}: must be above 0")
-        if not self.gear_backlash >= 0:
-            raise ValueError(f"gear_backlash = {self.gear_backlash:g} mm: must be 0 or more")
+        super().__post_init__()
         if not 0 < self.pressure_angle < math.radians(45):
             raise ValueError(
                 f"pressure_angle = {math.degrees(self.pressure_angle):g} deg: must lie between 0 and 45 deg; "
@@ -596,29 +521,6 @@ def check_same_geometry(one: Reducer, other: Reducer) -> None:
             )
 
 
-#: Dimension of each parameter that is no count.
-DIMENSIONS = {
-    "module": "length",
-    "pressure_angle": "angle",
-    "pin_circle_radius": "length",
-    "pin_radius": "length",
-    "eccentricity": "length",
-    "gear_backlash": "length",
-    "rated_torque": "torque",
-    "spline_radius": "length",
-    "crank_circle_radius": "length",
-}
-_COUNTS = {"sun_teeth": 5, "planet_teeth": 5, "disc_lobes": 3, "pins": 4, "cranks": 2, "discs": 1}
-_OPTIONAL = ("rated_torque", "spline_radius", "crank_circle_radius")
-
-
-def _check_count(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"{name} = {value!r}: must be a whole number, {least} or more")
-    if value < least:
-        raise ValueError(f"{name} = {value}: must be {least} or more")
-
-
 @cache
 def _presets() -> dict[str, dict[str, tuple[Any, str]]]:
     """Of every preset the keyword arguments of `Reducer`, each with its origin, from ``data/presets.toml``."""
@@ -682,9 +584,7 @@ def preset_origins(name: str) -> dict[str, str]:
 def _preset(name: str) -> dict[str, tuple[Any, str]]:
     check_kind("preset", name, str, f"give one of {', '.join(presets())}, or parameters by their names")
     if name not in presets():
-        close = difflib.get_close_matches(name, presets(), n=1, cutoff=0.3)
-        hint = f" did you mean {close[0]!r}?" if close else ""
-        raise ValueError(f"no preset {name!r};{hint} the presets are {', '.join(presets())}")
+        raise ValueError(f"no preset {name!r};{did_you_mean(name, presets())} the presets are {', '.join(presets())}")
     return _presets()[name]
 
 
@@ -736,11 +636,10 @@ def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
     91.0
     """
     parameters = {} if preset is None else preset_parameters(preset)
-    known = {item.name for item in dataclasses.fields(Reducer)}
+    known = [item.name for item in dataclasses.fields(Reducer)]
     for key in overrides:
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            raise ValueError(f"no reducer parameter {key!r}" + (f"; did you mean {close[0]!r}?" if close else ""))
+            raise ValueError(f"no reducer parameter {key!r};{did_you_mean(key, known)} they are {', '.join(known)}")
     if "crank_circle_radius" not in overrides and {"module", "sun_teeth", "planet_teeth"} & overrides.keys():
         parameters["crank_circle_radius"] = None  # the preset's value belongs to the preset's gears
     given = parameters | overrides
@@ -787,7 +686,8 @@ class Drive:
     def __post_init__(self) -> None:
         """Check that every number is finite and not zero."""
         for label, value in {"ratio": self.ratio, **self.shafts}.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value == 0:
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not number or not 0 < abs(value) <= sys.float_info.max:  # false for nan; a whole number may be larger
                 raise ValueError(f"{label} = {value!r}: must be a finite number other than 0, in turns per output turn")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.quantities import Checked, quantity
 
 #: Torque over the output angle: N*mm at angles in rad.
 TorqueLaw = Callable[[Array], Array]
@@ -31,7 +32,7 @@ _PLACES = 4096  # angles of a turn between which crossings are looked for: far m
 
 
 @dataclass(frozen=True, kw_only=True)
-class GravityArm:
+class GravityArm(Checked):
     """Weight on an arm that turns with the output about a level axis, as a torque over the output angle.
 
         T(theta) = m g l cos(theta - offset)
@@ -61,22 +62,10 @@ class GravityArm:
     [98.1, 0.0, -98.1]
     """
 
-    mass: float
-    lever: float
-    offset: float = 0.0
-    gravity: float = 9810.0
-
-    def __post_init__(self) -> None:
-        """Convert to core units and check."""
-        for name, dimension in (("mass", "mass"), ("lever", "length"), ("gravity", "acceleration")):
-            value = units.named_core(name, getattr(self, name), dimension)
-            if not 0 < value < math.inf:
-                unit = units.CORE_UNITS[dimension]
-                raise ValueError(
-                    f"{name} = {value:g} {unit}: must be above 0; the offset says which way the arm points"
-                )
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "offset", units.named_core("offset", self.offset, "angle"))
+    mass: float = field(metadata=quantity("mass", above=0.0))
+    lever: float = field(metadata=quantity("length", above=0.0, remedy="; the offset says which way the arm points"))
+    offset: float = field(default=0.0, metadata=quantity("angle"))
+    gravity: float = field(default=9810.0, metadata=quantity("acceleration", above=0.0))
 
     def __call__(self, theta: Any) -> Array:
         """Torque at output angles, rad: N*mm, of their shape."""

@@ -7,7 +7,6 @@ A source of your own that stays outside the package is added for the length of a
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -15,6 +14,7 @@ from itertools import chain
 from types import MappingProxyType
 
 from rverror.base.errors import check_kind
+from rverror.base.text import did_you_mean
 from rverror.geartrain import coupling, crank, cycloid, involute, thermal
 from rverror.geartrain.source import Source
 from rverror.model import compensation, empirical, load, sensor, shaft
@@ -110,7 +110,6 @@ def source(key: str) -> Source:
         return entry
     check_kind("key", key, str, "give a key of the catalogue, such as 'crank.eccentricity'")
     if key not in CATALOGUE:
-        close = difflib.get_close_matches(key, CATALOGUE, n=1, cutoff=0.5)
-        hint = f"did you mean {close[0]!r}?" if close else "`rverror sources` lists them"
-        raise ValueError(f"no error source {key!r}; {hint}")
+        hint = did_you_mean(key, CATALOGUE) or " `rverror sources` lists them"
+        raise ValueError(f"no error source {key!r};{hint}")
     return CATALOGUE[key]

@@ -2,45 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from rverror.base import units
+from rverror.base.quantities import Checked, quantities, quantity
 
 #: Of every mode, a guess, where neither a ratio nor damping by contact is given.
 DAMPING_RATIO = 0.03
-#: Contacts and springs that can have damping of their own.
-_DAMPED = (
-    "pin_contact", "crank_bearing", "carrier_bearing", "gear_mesh", "sun_support", "main_bearing",
-    "position_control", "input_coupling", "load_coupling",
-)  # fmt: skip
-#: Dimension of each number of a bench.
-BENCH_DIMENSIONS: Mapping[str, str] = {
-    "input_inertia": "inertia",
-    "position_control_stiffness": "torsional_stiffness",
-    "input_coupling_stiffness": "torsional_stiffness",
-    "load_inertia": "inertia",
-    "load_coupling_stiffness": "torsional_stiffness",
-    "damping_ratio": "number",
-    **{f"{name}_damping": "time" for name in _DAMPED},
-}
-
-
-#: Dimension of each number of its encoders.
-ENCODER_DIMENSIONS: Mapping[str, str] = {
-    "output_encoder": "angle",
-    "input_encoder": "angle",
-    "output_counts": "number",
-    "input_counts": "number",
-    "coupling_runout": "length",
-    "coupling_radius": "length",
-}
+_DAMPING = "_damping"  # end of the names of dampings by contact
+_ACCURACY = "; it stands for plus or minus"
+_MOMENT = quantity("inertia", "0.002 kg*m^2", least=0.0)
+_COUPLING = quantity("torsional_stiffness", "500 N*m/rad", above=0.0, remedy="; leave it out for a rigid coupling")
+_TIME = quantity("time", "0.02 ms", least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Encoders:
+class Encoders(Checked):
     """How a bench reads both angles, as the makers of its parts state it; what is left out is taken as without error.
 
     Parameters
@@ -69,36 +45,22 @@ class Encoders:
     0.017453
     """
 
-    output_encoder: float = 0.0
-    input_encoder: float = 0.0
-    output_counts: float | None = None
-    input_counts: float | None = None
-    coupling_runout: float = 0.0
-    coupling_radius: float | None = None
+    output_encoder: float = field(default=0.0, metadata=quantity("angle", "1.24 arcsec", least=0.0, remedy=_ACCURACY))
+    input_encoder: float = field(default=0.0, metadata=quantity("angle", "1.24 arcsec", least=0.0, remedy=_ACCURACY))
+    output_counts: float | None = field(default=None, metadata=quantity("number", "8388608", least=1.0))
+    input_counts: float | None = field(default=None, metadata=quantity("number", "8388608", least=1.0))
+    coupling_runout: float = field(default=0.0, metadata=quantity("length", "0.1 mm", least=0.0, remedy=_ACCURACY))
+    coupling_radius: float | None = field(default=None, metadata=quantity("length", "30 mm", above=0.0))
 
     def __post_init__(self) -> None:
-        """Convert to core units and check each value."""
-        for name, dimension in ENCODER_DIMENSIONS.items():
-            value = getattr(self, name)
-            if value is None:
-                continue
-            value = units.named_core(name, value, dimension)
-            least, says = (1, "1 or more") if name.endswith("counts") else (0, "0 or more; it stands for plus or minus")
-            if not least <= value < math.inf:
-                raise ValueError(f"{name} = {value:g}: must be {says}")
-            object.__setattr__(self, name, value)
-        if self.coupling_radius is not None and not self.coupling_radius > 0:
-            raise ValueError(f"coupling_radius = {self.coupling_radius:g} mm: must be above 0")
+        """Convert to core units and check."""
+        super().__post_init__()
         if self.coupling_runout and self.coupling_radius is None:
             raise ValueError("coupling_runout has no coupling_radius, at which it was read; give both")
 
-    def given(self) -> dict[str, float]:
-        """Values that are stated."""
-        return _given(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class Bench(Checked):
     """Both ends of a reducer, seen at its own shafts, and how motions die away.
 
     Parameters
@@ -137,38 +99,32 @@ main_bearing_damping, position_control_damping, input_coupling_damping, load_cou
     2000.0
     """
 
-    input_inertia: float = 0.0
-    position_control_stiffness: float | None = None
-    input_coupling_stiffness: float | None = None
-    load_inertia: float = 0.0
-    load_coupling_stiffness: float | None = None
-    damping_ratio: float | None = None
-    pin_contact_damping: float | None = None
-    crank_bearing_damping: float | None = None
-    carrier_bearing_damping: float | None = None
-    gear_mesh_damping: float | None = None
-    sun_support_damping: float | None = None
-    main_bearing_damping: float | None = None
-    position_control_damping: float | None = None
-    input_coupling_damping: float | None = None
-    load_coupling_damping: float | None = None
+    input_inertia: float = field(default=0.0, metadata=_MOMENT)
+    position_control_stiffness: float | None = field(
+        default=None, metadata=quantity("torsional_stiffness", "500 N*m/rad", least=0.0)
+    )
+    input_coupling_stiffness: float | None = field(default=None, metadata=_COUPLING)
+    load_inertia: float = field(default=0.0, metadata=_MOMENT)
+    load_coupling_stiffness: float | None = field(default=None, metadata=_COUPLING)
+    damping_ratio: float | None = field(default=None, metadata=quantity("number", "'3 %'", least=0.0))
+    pin_contact_damping: float | None = field(default=None, metadata=_TIME)
+    crank_bearing_damping: float | None = field(default=None, metadata=_TIME)
+    carrier_bearing_damping: float | None = field(default=None, metadata=_TIME)
+    gear_mesh_damping: float | None = field(default=None, metadata=_TIME)
+    sun_support_damping: float | None = field(default=None, metadata=_TIME)
+    main_bearing_damping: float | None = field(default=None, metadata=_TIME)
+    position_control_damping: float | None = field(default=None, metadata=_TIME)
+    input_coupling_damping: float | None = field(default=None, metadata=_TIME)
+    load_coupling_damping: float | None = field(default=None, metadata=_TIME)
 
     def __post_init__(self) -> None:
-        """Convert to core units and check each value."""
-        for name, dimension in BENCH_DIMENSIONS.items():
-            value = getattr(self, name)
-            if value is None:
-                continue
-            value = units.named_core(name, value, dimension)
-            if value < 0:
-                raise ValueError(f"{name} = {_told(value, dimension)}: must be 0 or more")
-            object.__setattr__(self, name, value)
-        for name in ("input_coupling_stiffness", "load_coupling_stiffness"):
-            if getattr(self, name) == 0:
-                raise ValueError(f"{name} = 0: a coupling must be above 0; leave it out for a rigid one")
+        """Convert to core units and check."""
+        super().__post_init__()
         if self.damping_ratio is not None:
             if not self.damping_ratio < 1:
-                raise ValueError(f"damping_ratio = {self.damping_ratio:g}: must be below 1, critical damping")
+                raise ValueError(
+                    f"damping_ratio = {self.damping_ratio:g}: must be below 1, critical damping; write it like '3 %'"
+                )
             if self.damping_times:
                 raise ValueError("damping_ratio stands beside damping by contact; give one of them")
         if self.load_coupling_stiffness is not None and not self.load_inertia:
@@ -177,7 +133,9 @@ main_bearing_damping, position_control_damping, input_coupling_damping, load_cou
     @property
     def damping_times(self) -> dict[str, float]:
         """Damping over stiffness of each contact and spring, s, by its name; empty where a ratio damps."""
-        values = {name: getattr(self, f"{name}_damping") for name in _DAMPED}
+        values = {
+            name.removesuffix(_DAMPING): getattr(self, name) for name in quantities(self) if name.endswith(_DAMPING)
+        }
         if all(value is None for value in values.values()):
             return {}
         return {name: value or 0.0 for name, value in values.items()}
@@ -186,19 +144,3 @@ main_bearing_damping, position_control_damping, input_coupling_damping, load_cou
     def ratio_of_modes(self) -> float:
         """Damping ratio of every mode, where contacts have no damping of their own."""
         return DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
-
-    def given(self) -> dict[str, float]:
-        """Values that are not those of a bench of which nothing is said."""
-        return _given(self)
-
-
-def _given(stated: Bench | Encoders) -> dict[str, float]:
-    """Values that are not those of something of which nothing is said."""
-    return {
-        f.name: value for f in dataclasses.fields(stated) if (value := getattr(stated, f.name)) not in (None, f.default)
-    }
-
-
-def _told(value: float, dimension: str) -> str:
-    shown = units.DISPLAY_UNITS[dimension]
-    return f"{units.to_display(value, dimension):g}" + ("" if dimension == "number" else f" {shown}")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import re
-import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.quantities import COUNT, Checked, Quantity, quantities
+from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, quoted, read_toml
 from rverror.geartrain.mechanism import (
-    FRICTION_DIMENSIONS,
-    INERTIA_DIMENSIONS,
     BearingPreload,
     ContactLaw,
     Drive,
@@ -33,54 +30,21 @@ from rverror.geartrain.mechanism import (
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, check_model, effect
-from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS, Bench, Encoders
+from rverror.model.ends import Bench, Encoders
 
-# Dimension of each quantity of [reducer], and how people write it; then an example of each count.
-QUANTITIES = {
-    "module": ("length", "1.5 mm"),
-    "pressure_angle": ("angle", "20 deg"),
-    "pin_circle_radius": ("length", "64 mm"),
-    "pin_radius": ("length", "3 mm"),
-    "eccentricity": ("length", "1.25 mm"),
-    "gear_backlash": ("length", "20 um"),
-    "rated_torque": ("torque", "412 N*m"),
-    "spline_radius": ("length", "7 mm"),
-    "crank_circle_radius": ("length", "27 mm"),
+C = TypeVar("C", bound=Checked)
+
+#: Tables within that of a reducer.
+_TABLES: Mapping[str, type[Checked]] = {
+    "stiffness": Stiffness,
+    "stiffness_uncertainty": StiffnessUncertainty,
+    "contact_law": ContactLaw,
+    "bearing_preload": BearingPreload,
+    "friction": Friction,
+    "inertia": Inertia,
 }
-COUNTS = {"sun_teeth": 9, "planet_teeth": 27, "disc_lobes": 39, "pins": 40, "cranks": 2, "discs": 2}
+_SIZES = quantities(Reducer)
 _REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
-_MOMENT = "0.002 kg*m^2"
-_TORSION = "500 N*m/rad"
-#: Tables below [reducer], and dimension of each of their values and how people write it.
-_TABLES: Mapping[str, tuple[type[Any], Mapping[str, tuple[str, str]]]] = {
-    "stiffness": (Stiffness, {f.name: ("stiffness", "200000 N/mm") for f in dataclasses.fields(Stiffness)}),
-    "stiffness_uncertainty": (
-        StiffnessUncertainty,
-        {f.name: ("number", "'25 %'") for f in dataclasses.fields(StiffnessUncertainty)},
-    ),
-    "contact_law": (ContactLaw, {f.name: ("number", "1.11") for f in dataclasses.fields(ContactLaw)}),
-    "bearing_preload": (BearingPreload, {f.name: ("length", "2 um") for f in dataclasses.fields(BearingPreload)}),
-    "friction": (
-        Friction,
-        {
-            name: (kind, {"number": "0.05", "length": "10 mm", "torque": "4 N*m"}[kind])
-            for name, kind in FRICTION_DIMENSIONS.items()
-        },
-    ),
-    "inertia": (
-        Inertia,
-        {name: (kind, "0.8 kg" if kind == "mass" else _MOMENT) for name, kind in INERTIA_DIMENSIONS.items()},
-    ),
-}
-_BENCH = {
-    name: (kind, {"inertia": _MOMENT, "torsional_stiffness": _TORSION, "number": "'3 %'", "time": "0.02 ms"}[kind])
-    for name, kind in BENCH_DIMENSIONS.items()
-}
-_ENCODERS = {
-    name: (kind, {"angle": "1.24 arcsec", "length": "0.1 mm", "number": "8388608"}[kind])
-    for name, kind in ENCODER_DIMENSIONS.items()
-}
-_KEYS_OF_REDUCER = ("preset", "name", "output", *COUNTS, *QUANTITIES, *_TABLES)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
@@ -109,19 +73,13 @@ def load_model(path: PathLike) -> Model:
     return _model(str(path), read_text(path))
 
 
-def save_model(
-    path: PathLike, model: Model, *, source: str | None = None, header: Iterable[str] = (), overwrite: bool = False
-) -> None:
+def save_model(path: PathLike, model: Model, *, overwrite: bool = False) -> None:
     """Write a model file that reads back equal, in one step or not at all.
 
     Parameters
     ----------
     path : str or path-like
     model : Model
-    source : str, optional
-        Where the model comes from; a comment.
-    header : iterable of str
-        More comment lines, put first.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -143,16 +101,13 @@ def save_model(
     """
     check_path(path)
     check_model(model)
-    comments = [*header, *([] if source is None else [f"source: {source}"])]
-    head = [f"# {_clean(line)}".rstrip() for text in comments for line in split_lines(text)]
-    head += [f"name = {quoted(model.name)}"] if model.name else []
-    sections = ["\n".join(head)] if head else []
+    sections = [f"name = {quoted(model.name)}"] if model.name else []
     mechanism = model.mechanism
     sections.append(_drive_text(mechanism) if isinstance(mechanism, Drive) else _reducer_text(mechanism))
     if hanging := model.bench.given():
-        sections.append("\n".join(_table_lines("bench", hanging, _BENCH)))
+        sections.append("\n".join(["[bench]", *_lines(hanging, Bench)]))
     if reading := model.encoders.given():
-        sections.append("\n".join(_table_lines("bench.encoders", reading, _ENCODERS)))
+        sections.append("\n".join(["[bench.encoders]", *_lines(reading, Encoders)]))
     sections += [_effect_text(item) for item in model.effects]
     text = "\n\n".join(sections) + "\n"
     _check_equal(str(path), _model(str(path), text), model)
@@ -237,15 +192,15 @@ def _model(path: str, text: str) -> Model:
         where.refuse(("effect",), "effect is a single table; write '[[effect]]', with two brackets, above each effect")
     effects = tuple(_effect(where, ("effect", i), item, mechanism) for i, item in enumerate(listed))
     hanging = dict(_table(where, ("bench",), content.get("bench", {})))
-    where.check_keys(("bench",), hanging, [*_BENCH, "encoders"], "key of [bench]")
+    where.check_keys(("bench",), hanging, [*quantities(Bench), "encoders"], "key of [bench]")
     read_with = hanging.pop("encoders", {})
-    encoders = _made(where, ("bench", "encoders"), read_with, Encoders, _ENCODERS)
+    encoders = _made(where, ("bench", "encoders"), read_with, Encoders)
     if isinstance(mechanism, Drive) and hanging:
         where.refuse(
             ("bench", next(iter(hanging))),
             "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive], all but [bench.encoders]",
         )
-    ends = _made(where, ("bench",), hanging, Bench, _BENCH)
+    ends = _made(where, ("bench",), hanging, Bench)
     try:
         return Model(mechanism, effects, name, ends, encoders)
     except ValueError as error:
@@ -260,33 +215,26 @@ def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
 
 def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
     place = ("reducer",)
-    where.check_keys(place, table, _KEYS_OF_REDUCER, "key of [reducer]")
+    known = ("preset", "name", "output", *_SIZES, *_TABLES)
+    where.check_keys(place, table, known, "key of [reducer]")
     preset, own = None, {}
     if "preset" in table:
         preset = where.string(place, table, "preset", "")
-        if preset not in presets():
-            hint = did_you_mean(preset, {name.lower(): name for name in presets()})
-            for name in presets():
-                hint = hint.replace(name.lower(), name)
-            where.refuse((*place, "preset"), f"no preset {shown(preset)};{hint} the presets are {', '.join(presets())}")
-        own = preset_parameters(preset)
+        try:
+            own = preset_parameters(preset)
+        except ValueError as error:
+            where.refuse((*place, "preset"), str(error))
     values: dict[str, Any] = {}
     for key, value in table.items():
-        if key in QUANTITIES:
-            values[key] = where.quantity((*place, key), value, *QUANTITIES[key])
-        elif key in COUNTS:
-            if isinstance(value, bool) or not isinstance(value, int):
-                where.refuse(
-                    (*place, key),
-                    f"{key} = {shown(value)}: must be a whole number; write it bare, like {key} = {COUNTS[key]}",
-                )
-            values[key] = value
-    values |= {key: where.string(place, table, key, "") for key in ("name", "output") if key in table}
-    for key, (kind, keys) in _TABLES.items():
-        if key in table:
+        at = (*place, key)
+        if key in _SIZES:
+            values[key] = _size(where, at, value, _SIZES[key])
+        elif key in _TABLES:
             # what the table leaves out is the preset's own, not that of any unit
-            base = own.get(key, kind())
-            values[key] = _made(where, (*place, key), table[key], functools.partial(dataclasses.replace, base), keys)
+            base = own.get(key, _TABLES[key]())
+            values[key] = _made(where, at, value, _TABLES[key], base)
+        elif key != "preset":
+            values[key] = where.string(place, table, key, "")
     if preset is None:
         missing = [key for key in _REQUIRED if key not in values]
         if missing:
@@ -301,36 +249,33 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _made(where: TomlText, place: Place, value: object, kind: Any, keys: Mapping[str, tuple[str, str]]) -> Any:
-    """What a table of quantities and numbers describes."""
-    table = _table(where, place, value)
-    where.check_keys(place, table, list(keys), f"key of [{'.'.join(map(str, place))}]")
-    given = {}
-    for key, item in table.items():
-        dimension, example = keys[key]
-        read = _number if dimension == "number" else functools.partial(_sized, dimension=dimension)
-        given[key] = read(where, (*place, key), item, example=example)
+def _made(where: TomlText, place: Place, value: object, kind: type[C], base: C | None = None) -> C:
+    """What a table of quantities describes; what it leaves out is that of a base."""
+    table, known = _table(where, place, value), quantities(kind)
+    where.check_keys(place, table, list(known), f"key of [{'.'.join(map(str, place))}]")
+    given = {key: _size(where, (*place, key), item, known[key]) for key, item in table.items()}
     try:
-        return kind(**given)
+        return kind(**given) if base is None else dataclasses.replace(base, **given)
     except ValueError as error:
-        at = _first_word(where, place, str(error))
-        dimension, example = keys.get(str(at[-1]), ("", ""))
-        where.refuse(at, f"{error}; write it like {example}" if dimension == "number" else str(error))
+        where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _sized(where: TomlText, place: Place, value: object, *, dimension: str, example: str) -> float:
-    return where.quantity(place, value, dimension, example)
-
-
-def _number(where: TomlText, place: Place, value: object, *, example: str) -> float:
-    """A bare number, or a percentage where the example is one."""
-    percent = "%" in example
-    if isinstance(value, str) and percent and (match := _PERCENT.fullmatch(value.strip())):
-        return float(match[1]) / 100
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        kind = "a number or a percentage" if percent else "a bare number"
-        where.refuse(place, f"{place[-1]} = {shown(value)}: must be {kind}; write it like {example}")
-    return float(value)
+def _size(where: TomlText, place: Place, value: Any, what: Quantity) -> float:
+    """Value of a quantity: a text with a unit, a whole number, or a bare number or percentage."""
+    if what.dimension not in (COUNT, "number"):
+        return where.quantity(place, value, what.dimension, what.example)
+    wanted = "a bare number"
+    kinds: tuple[type, ...] = (int, float)
+    if what.dimension == COUNT:
+        wanted, kinds = "a whole number", (int,)
+    elif "%" in what.example:
+        wanted = "a number or a percentage"
+        if isinstance(value, str) and (match := _PERCENT.fullmatch(value.strip())):
+            return float(match[1]) / 100
+    if isinstance(value, bool) or not isinstance(value, kinds):
+        name = place[-1]
+        where.refuse(place, f"{name} = {shown(value)}: must be {wanted}; write it like {name} = {what.example}")
+    return cast(float, value)
 
 
 def _first_word(where: TomlText, place: Place, message: str) -> Place:
@@ -344,23 +289,12 @@ def _drive(where: TomlText, table: dict[str, Any]) -> Drive:
     if "ratio" not in table:
         where.refuse(place, "[drive] lacks ratio; write the input turns per output turn, like ratio = -14.0")
     shafts = _table(where, (*place, "shafts"), table.get("shafts", {}))
-    ratio = _turns(where, (*place, "ratio"), table["ratio"])
-    turns = {key: _turns(where, (*place, "shafts", key), value) for key, value in shafts.items()}
     named = {"name": where.string(place, table, "name", "")} if "name" in table else {}
-    return Drive(ratio=ratio, shafts=turns, **named)
-
-
-def _turns(where: TomlText, place: Place, value: object) -> float:
-    key = place[-1]
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        where.refuse(place, f"{key} = {shown(value)}: must be a bare number of turns; write {key} = 14.0")
-    if not 0 < abs(value) <= sys.float_info.max:  # false for nan; a whole number may be larger than any float
-        where.refuse(
-            place,
-            f"{key} = {shown(value)}: must be a finite number other than 0, in turns per output turn; "
-            f"write {key} = 14.0",
-        )
-    return float(value)
+    try:
+        return Drive(ratio=table["ratio"], shafts=shafts, **named)
+    except ValueError as error:
+        wrong = next((name for name in shafts if str(error).startswith(f"{name} = ")), None)
+        where.refuse((*place, "ratio") if wrong is None else (*place, "shafts", wrong), str(error))
 
 
 def _effect(where: TomlText, place: Place, value: object, mechanism: Mechanism) -> Effect:
@@ -412,11 +346,6 @@ def _example(name: str, dimension: str) -> str:
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-def _clean(comment: str) -> str:
-    """TOML comments hold no control characters."""
-    return "".join(c if (ord(c) >= 32 and ord(c) != 127) or c == "\t" else " " for c in comment)
-
-
 def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
 
@@ -448,31 +377,28 @@ def _reducer_text(unit: Reducer) -> str:
 
 
 def _reducer_table(values: Mapping[str, Any]) -> str:
-    lines = ["[reducer]"]
-    for key, value in values.items():
-        if key in QUANTITIES:
-            dimension, example = QUANTITIES[key]
-            lines.append(f"{key} = {_written(value, dimension, example.split()[1])}")
-        elif key in COUNTS:
-            lines.append(f"{key} = {value}")
-        elif key not in _TABLES and (key, value) not in {("name", "custom"), ("output", "carrier")}:
-            lines.append(f"{key} = {quoted(value)}")
-    for key, (kind, keys) in _TABLES.items():
-        own, usual = values.get(key, kind()), kind()
+    sizes = {key: value for key, value in values.items() if key in _SIZES}
+    words = [f"{key} = {quoted(values[key])}" for key in ("preset", "name", "output") if key in values]
+    usual = ('name = "custom"', 'output = "carrier"')
+    lines = ["[reducer]", *(line for line in words if line not in usual), *_lines(sizes, Reducer)]
+    for key, kind in _TABLES.items():
+        own = values.get(key, kind())
         # stiffnesses are written in full: who changes one wants to see the others
-        told = [name for name in keys if getattr(own, name) != getattr(usual, name)]
-        told = list(keys) if key == "stiffness" and key in values else told
+        told = dataclasses.asdict(own) if key == "stiffness" and key in values else own.given()
         if told:
-            lines += ["", *_table_lines(f"reducer.{key}", {name: getattr(own, name) for name in told}, keys)]
+            lines += ["", f"[reducer.{key}]", *_lines(told, kind)]
     return "\n".join(lines)
 
 
-def _table_lines(head: str, values: Mapping[str, float], keys: Mapping[str, tuple[str, str]]) -> list[str]:
-    texts = {
-        name: repr(value) if keys[name][0] == "number" else _written(value, keys[name][0], keys[name][1].split()[1])
-        for name, value in values.items()
-    }
-    return [f"[{head}]", *(f"{name} = {text}" for name, text in texts.items())]
+def _lines(values: Mapping[str, float], kind: type[Checked]) -> list[str]:
+    """Lines of a table of quantities."""
+    lines, known = [], quantities(kind)
+    for name, value in values.items():
+        what = known[name]
+        bare = what.dimension in (COUNT, "number")
+        text = repr(value) if bare else _written(value, what.dimension, what.example.split()[1])
+        lines.append(f"{name} = {text}")
+    return lines
 
 
 def _drive_text(drive: Drive) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,12 @@ import scipy
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import with_unit
+from rverror.base.quantities import Checked, Quantity, above_zero, quantity
 from rverror.base.viewed import OneLine
 from rverror.geartrain.mechanism import Friction, doubt_torque
 from rverror.geartrain.thermal import GROWTH
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.statics.friction import Efficiency, declared_friction, efficiency
-from rverror.statics.hertz import above_zero
 
 _PALMGREN = 2 / 3  # power of viscosity times speed by which a rolling bearing's drag grows
 _WALTHER = 0.7  # mm^2/s
@@ -33,7 +33,7 @@ _REFERENCE = (313.15, 373.15)  # kelvin, at which makers of lubricants print the
 
 
 @dataclass(frozen=True, kw_only=True)
-class DutyPhase:
+class DutyPhase(Checked):
     """One phase of a duty cycle.
 
     Parameters
@@ -56,20 +56,16 @@ class DutyPhase:
     412000.0
     """
 
-    torque: float
-    speed: float
-    hours: float = 1.0
+    torque: float = field(metadata=quantity("torque", least=0.0))
+    speed: float = field(metadata=quantity("angular_speed", least=0.0))
+    hours: float = field(default=1.0, metadata=quantity("number", above=0.0))
 
     def __post_init__(self) -> None:
         """Convert to core units and check."""
-        for name, dimension in (("torque", "torque"), ("speed", "angular_speed"), ("hours", "number")):
-            given = getattr(self, name)
-            value = units.named_core(name, given, dimension)
-            if value < 0 or (name == "hours" and value == 0):
-                least = "above 0" if name == "hours" else "0 or more"
-                raise ValueError(f"{name} = {given}: must be {least} in a phase of a duty")
-            # a plain number may still be doubted
-            object.__setattr__(self, name, value if isinstance(given, (int, float)) else units.InCore(value))
+        given = self.torque
+        super().__post_init__()
+        if not isinstance(given, (int, float)):  # a plain number may still be doubted
+            object.__setattr__(self, "torque", units.InCore(self.torque))
 
 
 def duty_words(duty: Sequence[DutyPhase]) -> str:
@@ -109,7 +105,7 @@ def checked_duty(duty: Any) -> tuple[DutyPhase, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lubricant:
+class Lubricant(Checked):
     """How drag follows temperature and speed: by the viscosity of an oil, or of a grease's base oil.
 
     Parameters
@@ -140,24 +136,20 @@ class Lubricant:
     (150, 4000)
     """
 
-    viscosity_40: float
-    viscosity_100: float
-    temperature: float
-    speed: float
-    viscous: float = 1.0
+    viscosity_40: float = field(metadata=quantity("viscosity", above=0.0))
+    viscosity_100: float = field(metadata=quantity("viscosity", above=1 - _WALTHER))
+    temperature: float = field(metadata=quantity("temperature", above=0.0))
+    speed: float = field(metadata=quantity("angular_speed", above=0.0))
+    viscous: float = field(default=1.0, metadata=quantity("number", least=0.0, most=1.0, remedy=", a share"))
 
     def __post_init__(self) -> None:
         """Convert to core units and check."""
-        dimensions = {"temperature": "temperature", "speed": "angular_speed"}
-        for name in ("viscosity_40", "viscosity_100", *dimensions):
-            object.__setattr__(self, name, above_zero(name, getattr(self, name), dimensions.get(name, "viscosity")))
-        if not self.viscosity_40 > self.viscosity_100 > 1 - _WALTHER:
+        super().__post_init__()
+        if not self.viscosity_40 > self.viscosity_100:
             raise ValueError(
                 f"viscosity_100 = {self.viscosity_100:g} mm^2/s: must be below viscosity_40 = "
-                f"{self.viscosity_40:g} mm^2/s and above {1 - _WALTHER:.1f}"
+                f"{self.viscosity_40:g} mm^2/s"
             )
-        if not 0 <= units.named_core("viscous", self.viscous, "number") <= 1:
-            raise ValueError(f"viscous = {self.viscous:g}: must be a share of the drag, 0 to 1")
 
     def viscosity(self, temperature: float) -> float:
         """Kinematic viscosity at a temperature in kelvin, mm^2/s."""
@@ -291,10 +283,9 @@ def duty_efficiency(
     doubt_torque(model.mechanism, [one.torque for one in phases])
     friction = declared_friction(model) if friction is None else friction
     around = above_zero("ambient", ambient, "temperature")
-    outer = units.named_core("thermal_resistance", thermal_resistance, "thermal_resistance")
-    inner = units.named_core("inside_resistance", inside_resistance, "thermal_resistance")
-    if min(outer, inner) < 0:
-        raise ValueError(f"a thermal resistance of {1e3 * min(outer, inner):g} K/W: must be 0 or more")
+    resistance = Quantity("thermal_resistance", least=0.0)
+    outer = resistance.core("thermal_resistance", thermal_resistance)
+    inner = resistance.core("inside_resistance", inside_resistance)
 
     def at(housing: float, inside: float) -> DutyEfficiency:
         asked: dict[str, Any] = {"direction": direction, "drives": drives, "method": method}

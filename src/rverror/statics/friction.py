@@ -20,6 +20,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.quantities import above_zero
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
@@ -29,7 +30,6 @@ from rverror.geartrain.mechanism import Friction, Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Geometry, Layout, samples_first, solve
-from rverror.statics.hertz import above_zero
 from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
 from rverror.statics.rigidity import on_its_branch, row_of_torques
 

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.quantities import COUNT, Checked, above_zero, quantity
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
@@ -46,8 +46,11 @@ _STRIBECK = math.gamma(14 / 9) / math.gamma(37 / 18) / (2 * math.sqrt(math.pi))
 _STEEL = (206e3, 0.3)  # Young's modulus, N/mm^2, and Poisson's ratio
 
 
+_LENGTH = quantity("length", above=0.0)
+
+
 @dataclass(frozen=True, kw_only=True)
-class RollerBearing:
+class RollerBearing(Checked):
     """Rollers between a cam, or a journal, and its bore.
 
     Parameters
@@ -70,17 +73,10 @@ class RollerBearing:
     20.0
     """
 
-    rollers: int
-    roller_diameter: float
-    roller_length: float
-    race_diameter: float
-
-    def __post_init__(self) -> None:
-        """Convert to mm and check."""
-        if isinstance(self.rollers, bool) or not isinstance(self.rollers, int) or self.rollers < 3:
-            raise ValueError(f"rollers = {self.rollers!r}: must be a whole number, 3 or more")
-        for item in fields(self)[1:]:
-            object.__setattr__(self, item.name, above_zero(item.name, getattr(self, item.name), "length"))
+    rollers: int = field(metadata=quantity(COUNT, least=3))
+    roller_diameter: float = field(metadata=_LENGTH)
+    roller_length: float = field(metadata=_LENGTH)
+    race_diameter: float = field(metadata=_LENGTH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,22 +240,6 @@ def contact_pressure(
         half_width=half_width,
         place=stands.pin_angle,
     )
-
-
-def above_zero(name: str, value: Any, dimension: str) -> float:
-    """A size that was asked for, in core units.
-
-    Raises
-    ------
-    ValueError
-        If it is not above 0, or no number.
-    """
-    size = units.named_core(name, value, dimension)
-    if not 0 < size < math.inf:
-        unit = "mm" if dimension == "length" else units.DISPLAY_UNITS[dimension]
-        shown = size if dimension == "length" else units.to_display(size, dimension)
-        raise ValueError(f"{name} = {shown:g} {unit}: must be above 0")
-    return size
 
 
 def pressing(state: Equilibrium) -> dict[str, Array]:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import renamed
+from rverror.base.quantities import Checked, above_zero, quantity
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
@@ -44,7 +45,7 @@ from rverror.model.readings import felt
 from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyPhase, checked_duty
 from rverror.statics.friction import mean_mesh_slip, path_of_contact, pin_slip
-from rverror.statics.hertz import above_zero, pin_contact_radius, pressing, strip_half_width
+from rverror.statics.hertz import pin_contact_radius, pressing, strip_half_width
 from rverror.statics.loaded_state import Statics, reducer_of, statics_of
 from rverror.statics.rigidity import lost_motion
 
@@ -64,8 +65,12 @@ _POINTS = 7  # hours at which a result is told where one number is given
 _LOST_AT = 16  # angles over which lost motion is averaged
 
 
+_ARCHARD = quantity("wear_coefficient", least=0.0)
+_GAIN = quantity("contact_compliance", least=0.0)  # of clearance
+
+
 @dataclass(frozen=True, kw_only=True)
-class WearCoefficients:
+class WearCoefficients(Checked):
     """Archard's wear coefficient of each body: worn volume over force and sliding distance; and what joints gain.
 
     Parameters
@@ -92,23 +97,17 @@ class WearCoefficients:
     2e-13
     """
 
-    disc: float = 0.0
-    pin: float = 0.0
-    sun: float = 0.0
-    planet: float = 0.0
-    cam_bearing: float = 0.0
-    carrier_bearing: float = 0.0
-    spline: float = 0.0
+    disc: float = field(default=0.0, metadata=_ARCHARD)
+    pin: float = field(default=0.0, metadata=_ARCHARD)
+    sun: float = field(default=0.0, metadata=_ARCHARD)
+    planet: float = field(default=0.0, metadata=_ARCHARD)
+    cam_bearing: float = field(default=0.0, metadata=_GAIN)
+    carrier_bearing: float = field(default=0.0, metadata=_GAIN)
+    spline: float = field(default=0.0, metadata=_GAIN)
 
     def __post_init__(self) -> None:
         """Convert to core units and check."""
-        for name in (*BODIES, *JOINTS):
-            dimension = "wear_coefficient" if name in BODIES else "contact_compliance"
-            value = units.named_core(name, getattr(self, name), dimension)
-            if not value >= 0:
-                shown = f"{units.to_display(value, dimension):g} {units.DISPLAY_UNITS[dimension]}"
-                raise ValueError(f"{name} = {shown}: a wear coefficient must be 0 or more")
-            object.__setattr__(self, name, value)
+        super().__post_init__()
         if not any(getattr(self, name) for name in (*BODIES, *JOINTS)):
             raise ValueError(
                 f"no wear coefficient is above 0; give one of {', '.join(BODIES)}, e.g. '1e-10 mm^3/(N*m)'"
@@ -116,7 +115,7 @@ class WearCoefficients:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunningIn:
+class RunningIn(Checked):
     """How the roughness of a new body wears off.
 
     Parameters
@@ -137,13 +136,8 @@ class RunningIn:
     0.0005
     """
 
-    depth: float
-    coefficient: float
-
-    def __post_init__(self) -> None:
-        """Convert to core units and check."""
-        object.__setattr__(self, "depth", above_zero("depth", self.depth, "length"))
-        object.__setattr__(self, "coefficient", above_zero("coefficient", self.coefficient, "wear_coefficient"))
+    depth: float = field(metadata=quantity("length", above=0.0))
+    coefficient: float = field(metadata=quantity("wear_coefficient", above=0.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,12 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, way, with_unit
+from rverror.base.quantities import quantities
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
-from rverror.geartrain.mechanism import INERTIA_DIMENSIONS
 from rverror.views.blocks import Sheet, columns_of, line, notes, title
 from rverror.views.describing import content, own_columns, sheet, shown, table
 from rverror.views.fields import alike, arrays, bare, rows
@@ -110,8 +110,9 @@ def _modes_content(found: Modes) -> dict[str, Any]:
             for mode, frequency in enumerate(found.frequency)
         ],
         "inertia": {
-            f"{name}_{'kg' if kind == 'mass' else 'kg_m2'}": units.to_display(getattr(found.inertia, name), kind)
-            for name, kind in INERTIA_DIMENSIONS.items()
+            f"{name}_{'kg' if what.dimension == 'mass' else 'kg_m2'}": units.to_display(value, what.dimension)
+            for name, what in quantities(found.inertia).items()
+            if (value := getattr(found.inertia, name)) is not None
         },
         "estimated": list(found.estimated),
     }

@@ -13,12 +13,10 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, count_of, way, with_unit
+from rverror.base.quantities import COUNT as COUNT_OF, quantities
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import (
-    DIMENSIONS,
-    FRICTION_DIMENSIONS,
-    INERTIA_DIMENSIONS,
     OUTPUTS,
     ContactLaw,
     Drive,
@@ -27,7 +25,6 @@ from rverror.geartrain.mechanism import (
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Effect, Model
-from rverror.model.ends import BENCH_DIMENSIONS, ENCODER_DIMENSIONS
 from rverror.model.results import Influence
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
@@ -52,7 +49,7 @@ from rverror.views.variables import (
     unit_of,
 )
 
-_GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE}
+_GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE, "stiffness": STIFFNESS}
 
 
 # --- pieces -----------------------------------------------------------------------------------------------------------
@@ -114,12 +111,10 @@ _BY_PART = ("stiffness", "contact_law", "bearing_preload", "friction", "inertia"
 @table.register
 def _reducer_table(result: Reducer) -> Table:
     def unit(part: str, name: str) -> Unit:
-        own = {
-            "stiffness": STIFFNESS,
-            "bearing_preload": SIZE,
-            "inertia": unit_of(INERTIA_DIMENSIONS.get(name, "mass")),
-        }
-        return own.get(part) or _GEOMETRY.get({**DIMENSIONS, **FRICTION_DIMENSIONS}.get(name, ""), NUMBER)
+        own = quantities(getattr(result, part) if part else result).get(name)
+        if own is None or own.dimension in (COUNT_OF, "number"):
+            return NUMBER
+        return _GEOMETRY.get(own.dimension) or unit_of(own.dimension)
 
     given = [
         ("", item.name, value)
@@ -232,12 +227,12 @@ def _effect_sheet(thing: Effect) -> Sheet:
 
 @sheet.register
 def _model_sheet(thing: Model) -> Sheet:
-    stated = ((thing.bench, BENCH_DIMENSIONS), (thing.encoders, ENCODER_DIMENSIONS))
-    ends = {
-        f"bench: {name.replace('_', ' ')}": brief(value) if of[name] == "number" else with_unit(value, of[name])
-        for things, of in stated
-        for name, value in things.given().items()
-    }
+    ends = {}
+    for end in (thing.bench, thing.encoders):
+        for name, value in end.given().items():
+            dimension = quantities(end)[name].dimension
+            told = brief(value) if dimension == "number" else with_unit(value, dimension)
+            ends[f"bench: {name.replace('_', ' ')}"] = told
     return (
         *title("Model", thing.name, f"{thing.mechanism.name}, {_ratio(thing.mechanism)}"),
         *(_sizes(thing, 0) if thing.effects else line("no effect is declared")),
