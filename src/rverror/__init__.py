@@ -4,17 +4,14 @@
 import os as _os
 import sys as _sys
 from functools import partial as _partial
-from typing import TYPE_CHECKING, Any as _Any
+from typing import TYPE_CHECKING
 
 # before numpy, which reads it
 from rverror.base.threads import one_for_a_diagnosis as _one_for_a_diagnosis
 
 _one_for_a_diagnosis(_os.environ, _sys.orig_argv, _sys.modules)
 
-from rverror.base import lazy as _lazy, viewed as _viewed
-from rverror.model import results as _results
-from rverror.model.compose import transmission_error as _transmission_error
-from rverror.model.effects import Model as _Model
+from rverror.base import lazy as _lazy
 
 # The names of a first program, and the rooms, whose names are `rverror.statics.linearise` and the like.  Each is loaded
 # when it is first asked for: making the classes of all results takes longer than numpy.
@@ -75,34 +72,3 @@ else:
         "distributions": "tolerances.distribution",
     }
     __getattr__, __dir__ = _lazy.attach(__name__, _partial(_lazy.moved, renamed=_RENAMED))
-
-
-_results.error_of.register(_Model, _transmission_error)
-
-
-@_results.equilibrium_of.register
-def _equilibrium_of(model: _Model, theta: _Any, **conditions: _Any) -> _results.Equilibrium:
-    from rverror.statics.loaded_state import equilibrium
-
-    return equilibrium(model, theta, **conditions)
-
-
-@_viewed.picture_of.register
-def _picture_of(thing: _viewed.Viewed, **options: _Any) -> _Any:
-    from rverror.views.plots.drawing import draw
-
-    return draw(thing, **options)
-
-
-@_viewed.line_of.register
-def _line_of(thing: _viewed.Viewed) -> str:
-    from rverror.views.notebook import line
-
-    return line(thing)
-
-
-@_viewed.page_of.register
-def _page_of(thing: _viewed.Viewed) -> str:
-    from rverror.views.notebook import page
-
-    return page(thing)

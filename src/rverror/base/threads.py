@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import threading
-from collections import deque
 from collections.abc import Callable, Collection, Iterator, MutableMapping, Sequence
 from contextlib import contextmanager
-from contextvars import copy_context
+from contextvars import ContextVar, copy_context
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +23,7 @@ BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "V
 KERNEL_THREADS = "NUMBA_NUM_THREADS"
 
 _MOST = 16  # threads: more wait for the interpreter between two equilibria
+_AT_MOST = ContextVar("threads within `at_most`", default=_MOST)
 
 
 def cores() -> int:
@@ -64,7 +63,7 @@ def threads() -> int:
         No more than `at_most` says; 1 on a thread that is one of several already.
     """
     said = os.environ.get(KERNEL_THREADS, "")
-    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST, getattr(_HERE, "most", _MOST))
+    return min(int(said) if said.isdecimal() and int(said) else cores(), _MOST, _AT_MOST.get())
 
 
 @contextmanager
@@ -75,12 +74,11 @@ def at_most(count: int) -> Iterator[None]:
     ----------
     count : int
     """
-    before = getattr(_HERE, "most", _MOST)
-    _HERE.most = min(count, before)
+    token = _AT_MOST.set(min(count, _AT_MOST.get()))
     try:
         yield
     finally:
-        _HERE.most = before
+        _AT_MOST.reset(token)
 
 
 def one_thread() -> None:
@@ -106,32 +104,18 @@ def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     count = min(threads(), len(items))
     if count < 2:
         return [function(item) for item in items]
-    waiting, found = deque(range(len(items))), dict[int, R]()
-    failed = dict[int, BaseException]()
 
-    def work() -> None:
+    def alone(item: T) -> R:
         with at_most(1):
-            while waiting:
-                try:
-                    number = waiting.popleft()
-                except IndexError:  # another thread was quicker
-                    return
-                try:
-                    found[number] = function(items[number])
-                except BaseException as error:
-                    failed[number] = error
-                    waiting.clear()
+            return function(item)
 
-    # what is set here, such as sources that were added, holds on the threads; this one works too, so that nothing waits
-    # for threads that are busy elsewhere
-    others = [_pool(count - 1).submit(copy_context().run, work) for _ in range(count - 1)]
-    work()
-    for one in others:
-        if not one.cancel():
-            one.result()
-    if failed:  # of several the one that would have come first
-        raise failed[min(failed)]
-    return [found[number] for number in range(len(items))]
+    # what is set here, such as sources that were added, holds on the threads
+    waiting = [_pool(count).submit(copy_context().run, alone, item) for item in items]
+    try:
+        return [one.result() for one in waiting]
+    finally:
+        for one in waiting:
+            one.cancel()
 
 
 def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
@@ -149,9 +133,6 @@ def each_part(function: Callable[[slice], None], size: int, block: int) -> None:
     count = max(min(threads(), blocks), 1)
     ends = [min(block * (blocks * number // count), size) for number in range(count + 1)]
     each(function, [slice(first, last) for first, last in pairwise(ends)])
-
-
-_HERE = threading.local()
 
 
 @cache

@@ -22,86 +22,39 @@ from rverror.base.errors import InputError
 if TYPE_CHECKING:
     import pint
 
-#: Unit of each dimension inside the library; a `dimension` is one of these keys, a `unit` is written as pint does.
-CORE_UNITS = {
-    "length": "mm",
-    "angle": "rad",
-    "torque": "N*mm",
-    "stiffness": "N/mm",
-    "time": "s",
-    "temperature": "kelvin",
-    "temperature_rise": "kelvin",
-    "angular_speed": "rad/s",
-    "compliance": "rad/(N*mm)",
-    "contact_compliance": "mm/N",
-    "mass": "tonne",
-    "acceleration": "mm/s^2",
-    "inertia": "tonne*mm^2",
-    "torsional_stiffness": "N*mm/rad",
-    "pressure": "N/mm^2",
-    "wear_coefficient": "mm^2/N",
-    "thermal_resistance": "kelvin*s/(N*mm)",
-    "viscosity": "mm^2/s",
-    "slope": "dimensionless",
-    "number": "dimensionless",
-}
-
-#: Unit in which a value of each dimension is printed for people.
-DISPLAY_UNITS = {
-    "length": "um",
-    "angle": "arcsec",
-    "torque": "N*m",
-    "stiffness": "N/mm",
-    "time": "ms",
-    "temperature": "degC",
-    "temperature_rise": "K",
-    "angular_speed": "rpm",
-    "compliance": "arcsec/(N*m)",
-    "contact_compliance": "um/kN",
-    "mass": "kg",
-    "acceleration": "m/s^2",
-    "inertia": "kg*m^2",
-    "torsional_stiffness": "N*m/rad",
-    "pressure": "MPa",
-    "wear_coefficient": "mm^3/(N*m)",
-    "thermal_resistance": "kelvin/W",
-    "viscosity": "mm^2/s",
-    "slope": "arcsec/turn",
-    "number": "dimensionless",
-}
-
+_DEG = math.pi / 180.0
 #: One second of arc in rad.
-ARCSEC = math.pi / 180.0 / 3600.0
+ARCSEC = _DEG / 3600.0
 
-#: Factor to the core unit, and zero in it, of units as people write them most.
-EVERYDAY: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0)},
-    "angle": {
-        "rad": (1.0, 0.0),
-        "mrad": (1e-3, 0.0),
-        "deg": (math.pi / 180.0, 0.0),
-        "arcmin": (60.0 * ARCSEC, 0.0),
-        "arcsec": (ARCSEC, 0.0),
-    },
-    "torque": {"N*mm": (1.0, 0.0), "N*m": (1e3, 0.0)},
-    "stiffness": {"N/mm": (1.0, 0.0), "N/um": (1e3, 0.0)},
-    "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "h": (3600.0, 0.0)},
-    "temperature": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0), "degC": (1.0, 273.15)},
-    "temperature_rise": {"kelvin": (1.0, 0.0), "K": (1.0, 0.0)},
-    "angular_speed": {"rad/s": (1.0, 0.0), "deg/s": (math.pi / 180.0, 0.0), "rpm": (math.pi / 30.0, 0.0)},
-    "compliance": {"rad/(N*mm)": (1.0, 0.0), "arcsec/(N*m)": (1e-3 * ARCSEC, 0.0)},
-    "contact_compliance": {"mm/N": (1.0, 0.0), "um/N": (1e-3, 0.0), "um/kN": (1e-6, 0.0)},
-    "mass": {"tonne": (1.0, 0.0), "kg": (1e-3, 0.0), "g": (1e-6, 0.0)},
-    "acceleration": {"mm/s^2": (1.0, 0.0), "m/s^2": (1e3, 0.0)},
-    "inertia": {"tonne*mm^2": (1.0, 0.0), "kg*m^2": (1e3, 0.0), "kg*cm^2": (0.1, 0.0)},
-    "torsional_stiffness": {"N*mm/rad": (1.0, 0.0), "N*m/rad": (1e3, 0.0)},
-    "pressure": {"N/mm^2": (1.0, 0.0), "MPa": (1.0, 0.0), "GPa": (1e3, 0.0)},
-    "wear_coefficient": {"mm^2/N": (1.0, 0.0), "mm^3/(N*m)": (1e-3, 0.0)},
-    "thermal_resistance": {"kelvin*s/(N*mm)": (1.0, 0.0), "kelvin/W": (1e-3, 0.0), "K/W": (1e-3, 0.0)},
-    "viscosity": {"mm^2/s": (1.0, 0.0), "cSt": (1.0, 0.0)},
-    "slope": {"dimensionless": (1.0, 0.0), "arcsec/turn": (ARCSEC / (2.0 * math.pi), 0.0)},
-    "number": {"dimensionless": (1.0, 0.0)},
+#: Of each dimension the unit that people read, and the factor to the core unit of those that people write most; the
+#: first of these is the core unit.  Units are written as pint does.
+EVERYDAY: Mapping[str, tuple[str, Mapping[str, float]]] = {
+    "length": ("um", {"mm": 1.0, "um": 1e-3}),
+    "angle": ("arcsec", {"rad": 1.0, "mrad": 1e-3, "deg": _DEG, "arcmin": 60.0 * ARCSEC, "arcsec": ARCSEC}),
+    "torque": ("N*m", {"N*mm": 1.0, "N*m": 1e3}),
+    "stiffness": ("N/mm", {"N/mm": 1.0, "N/um": 1e3}),
+    "time": ("ms", {"s": 1.0, "ms": 1e-3, "h": 3600.0}),
+    "temperature": ("degC", {"kelvin": 1.0, "K": 1.0, "degC": 1.0}),
+    "temperature_rise": ("K", {"kelvin": 1.0, "K": 1.0}),
+    "angular_speed": ("rpm", {"rad/s": 1.0, "deg/s": _DEG, "rpm": math.pi / 30.0}),
+    "compliance": ("arcsec/(N*m)", {"rad/(N*mm)": 1.0, "arcsec/(N*m)": 1e-3 * ARCSEC}),
+    "contact_compliance": ("um/kN", {"mm/N": 1.0, "um/N": 1e-3, "um/kN": 1e-6}),
+    "mass": ("kg", {"tonne": 1.0, "kg": 1e-3, "g": 1e-6}),
+    "acceleration": ("m/s^2", {"mm/s^2": 1.0, "m/s^2": 1e3}),
+    "inertia": ("kg*m^2", {"tonne*mm^2": 1.0, "kg*m^2": 1e3, "kg*cm^2": 0.1}),
+    "torsional_stiffness": ("N*m/rad", {"N*mm/rad": 1.0, "N*m/rad": 1e3}),
+    "pressure": ("MPa", {"N/mm^2": 1.0, "MPa": 1.0, "GPa": 1e3}),
+    "wear_coefficient": ("mm^3/(N*m)", {"mm^2/N": 1.0, "mm^3/(N*m)": 1e-3}),
+    "thermal_resistance": ("kelvin/W", {"kelvin*s/(N*mm)": 1.0, "kelvin/W": 1e-3, "K/W": 1e-3}),
+    "viscosity": ("mm^2/s", {"mm^2/s": 1.0, "cSt": 1.0}),
+    "slope": ("arcsec/turn", {"dimensionless": 1.0, "arcsec/turn": ARCSEC / (2.0 * math.pi)}),
+    "number": ("dimensionless", {"dimensionless": 1.0}),
 }
+_ZERO = {"degC": 273.15}  # of temperatures that are no rises, in the core unit
+
+#: Unit of each dimension inside the library, and the one in which a value is printed for people.
+CORE_UNITS = {dimension: next(iter(factors)) for dimension, (_, factors) in EVERYDAY.items()}
+DISPLAY_UNITS = {dimension: shown for dimension, (shown, _) in EVERYDAY.items()}
 
 #: Torques as people write them: pint takes "Nm" for a number of metres.
 _NEWTON_METRE = re.compile(r"(?<![A-Za-z])([kM]?N)[ ·⋅.]?(mm|cm|m)(?![A-Za-z])")
@@ -143,7 +96,7 @@ def _spelled(unit: str) -> str:
     return f"{whole[1]}*{whole[2]}" if whole else _NEWTON_METRE.sub(r"(\1*\2)", unit)
 
 
-def _factor_and_unit(unit: str, dimension: str) -> Any:
+def _checked_unit(unit: str, dimension: str) -> Any:
     try:
         parsed = _registry().Unit(unit)
     except Exception as error:
@@ -190,7 +143,7 @@ def unit_factor(unit: str, dimension: str) -> float:
     >>> unit_factor("um", "length")
     0.001
     """
-    return _in_core(1.0, unit, dimension)
+    return unit_scale(unit, dimension)[0]
 
 
 def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
@@ -207,19 +160,15 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
     (1.0, 273.15)
     """
     unit = _spelled(unit)
-    if unit in EVERYDAY[dimension]:
-        return EVERYDAY[dimension][unit]
-    zero = _in_core(0.0, unit, dimension)
-    return _in_core(1.0, unit, dimension) - zero, zero
+    factors = EVERYDAY[dimension][1]
+    if unit in factors:
+        return factors[unit], _ZERO.get(unit, 0.0)
+    zero, one = (_by_pint(number, unit, dimension) for number in (0.0, 1.0))
+    return one - zero, zero
 
 
-def _in_core(number: float, unit: str, dimension: str) -> float:
-    unit = _spelled(unit)
-    if unit in EVERYDAY[dimension]:
-        factor, zero = EVERYDAY[dimension][unit]
-        return number * factor + zero
-    parsed = _factor_and_unit(unit, dimension)
-    return float(_registry().Quantity(number, parsed).to(CORE_UNITS[dimension]).magnitude)
+def _by_pint(number: float, unit: str, dimension: str) -> float:
+    return float(_registry().Quantity(number, _checked_unit(unit, dimension)).to(CORE_UNITS[dimension]).magnitude)
 
 
 def parse(text: str, dimension: str) -> float:
@@ -244,7 +193,8 @@ def parse(text: str, dimension: str) -> float:
         if dimension not in ("slope", "number"):
             raise ValueError(f"{text!r} has no unit; write it like '{number} {DISPLAY_UNITS[dimension]}'")
         unit = "dimensionless"
-    value = _in_core(float(number), unit, dimension)
+    factor, zero = unit_scale(unit, dimension)
+    value = float(number) * factor + zero
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite value")
     return value
@@ -349,5 +299,5 @@ def to_display(value: float, dimension: str) -> float:
     >>> to_display(0.005, "length")
     5.0
     """
-    factor, zero = EVERYDAY[dimension][DISPLAY_UNITS[dimension]]
+    factor, zero = unit_scale(DISPLAY_UNITS[dimension], dimension)
     return (value - zero) / factor

@@ -1,40 +1,18 @@
 """Pictures and notebook pages of results.
 
-Results are made low in the house, plots and pages above them.  So what can be looked at only knows that there is a way
-to draw it: the package's front door, which every import passes, registers the two functions that do it.
+Results are made in the lower rooms, pictures and pages of them in `views`, which is loaded when one is asked for.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields
-from functools import singledispatch
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _LONGEST = 110  # letters of a line
-
-
-@singledispatch
-def picture_of(thing: Any, **options: Any) -> Axes:
-    """Draw a result; `Viewed` is registered by the front door."""
-    raise TypeError(f"{type(thing).__name__}: nothing draws it")
-
-
-@singledispatch
-def page_of(thing: Any) -> str:
-    """Small HTML page of a result; `Viewed` is registered by the front door."""
-    raise TypeError(f"{type(thing).__name__}: nothing shows it")
-
-
-@singledispatch
-def line_of(thing: Any) -> str:
-    """What `repr` says of a result, in one line: its kind, and the sizes of its arrays; `Viewed` as on its page."""
-    held = [(item.name, getattr(thing, item.name)) for item in fields(thing)]
-    sizes = [f"{name} {value.shape}" for name, value in held if hasattr(value, "shape")]
-    parts = [line_of(value) for _, value in held if isinstance(value, OneLine)]
-    return f"{type(thing).__name__}: {', '.join((*parts, *sizes))}"
 
 
 class OneLine:
@@ -47,8 +25,15 @@ class OneLine:
 
     def __repr__(self) -> str:
         """One line."""
-        line = line_of(self)
+        line = self._line()
         return f"<{line if len(line) <= _LONGEST else line[: _LONGEST - 3] + '...'}>"
+
+    def _line(self) -> str:
+        """Its kind, and the sizes of its arrays."""
+        held = [(item.name, getattr(self, item.name)) for item in fields(self)]  # type: ignore[arg-type]
+        sizes = [f"{name} {value.shape}" for name, value in held if hasattr(value, "shape")]
+        parts = [value._line() for _, value in held if isinstance(value, OneLine)]
+        return f"{type(self).__name__}: {', '.join((*parts, *sizes))}"
 
 
 class Viewed(OneLine):
@@ -75,7 +60,11 @@ class Viewed(OneLine):
         InputError
             If matplotlib is not installed.
         """
-        return picture_of(self, ax=ax, **options)
+        drawn: Axes = import_module("rverror.views.plots.drawing").draw(self, ax=ax, **options)
+        return drawn
 
     def _repr_html_(self) -> str:
-        return page_of(self)
+        return str(import_module("rverror.views.notebook").page(self))
+
+    def _line(self) -> str:
+        return str(import_module("rverror.views.notebook").line(self))

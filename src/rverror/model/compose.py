@@ -17,7 +17,7 @@ from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
-from rverror.model.results import Influence, influence_on
+from rverror.model.results import Influence
 
 
 def influence(
@@ -199,8 +199,3 @@ def _influences(model: Model, theta: Any | None, forces: ContactForces | None, *
         np.zeros((0, where.read.theta.size)),
         *(source_matrix(where.of(effect.key), used, effect.key, effect.indices) for effect in model.effects),
     ]
-
-
-@influence_on.register
-def _influence_on(model: Model, theta: Any, key: str, **named: Any) -> Influence:
-    return influence(model.mechanism, theta, key, **named)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from itertools import chain
 from types import MappingProxyType
 from typing import Any
@@ -19,7 +20,7 @@ from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.ends import Bench, Encoders
-from rverror.model.results import Equilibrium, Influence, equilibrium_of, error_of, influence_on
+from rverror.model.results import Equilibrium, Influence
 
 _MECHANISM = "give reducer('RV-40E'), a Reducer or a Drive"
 
@@ -161,7 +162,9 @@ class Model(Viewed):
         ndarray, shape (n,)
             rad.
         """
-        return error_of(self, theta, direction=direction, time=time, torque=torque)
+        compose = import_module("rverror.model.compose")  # which knows models
+        found: Array = compose.transmission_error(self, theta, direction=direction, time=time, torque=torque)
+        return found
 
     def influence(
         self,
@@ -200,7 +203,10 @@ class Model(Viewed):
         if isinstance(theta, str) and theta in CATALOGUE:
             warn_former("model.influence(key, theta)", "model.influence(theta, key)")
             theta, key = key, theta
-        return influence_on(self, theta, key, direction=direction, time=time, torque=torque, **indices)
+        compose = import_module("rverror.model.compose")
+        conditions = {"direction": direction, "time": time, "torque": torque}
+        found: Influence = compose.influence(self.mechanism, theta, key, **conditions, **indices)
+        return found
 
     def equilibrium(
         self,
@@ -225,7 +231,9 @@ class Model(Viewed):
         -------
         Equilibrium
         """
-        return equilibrium_of(self, theta, torque=torque, direction=direction, time=time)
+        statics = import_module("rverror.statics.loaded_state")  # a room above
+        found: Equilibrium = statics.equilibrium(self, theta, torque=torque, direction=direction, time=time)
+        return found
 
 
 def check_model(model: object) -> None:

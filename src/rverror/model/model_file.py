@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.quantities import COUNT, Checked, Quantity, quantities
+from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
 from rverror.base.toml import EXAMPLES, Place, TomlText, quoted, read_toml
 from rverror.geartrain.mechanism import (
@@ -260,7 +260,7 @@ def _made(where: TomlText, place: Place, value: object, kind: type[C], base: C |
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _size(where: TomlText, place: Place, value: Any, what: Quantity) -> float:
+def _size(where: TomlText, place: Place, value: Any, what: NumberField) -> float:
     """Value of a quantity: a text with a unit, a whole number, or a bare number or percentage."""
     if what.dimension not in (COUNT, "number"):
         return where.quantity(place, value, what.dimension, what.example)

@@ -1,14 +1,9 @@
-"""Result types of what a model is asked most, and a place for the functions that find it.
-
-They stand above the model, some in higher rooms.  So a model only knows that there is a way to ask, as what can be
-looked at knows of pictures (`base.viewed`); the package's front door registers the functions.
-"""
+"""Result types of what a model is asked most."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -79,21 +74,3 @@ class Equilibrium(Viewed):
     theta: Array
     model: Any = None  # a `Model`, which knows of this file
     conditions: Conditions | None = None
-
-
-@singledispatch
-def error_of(model: Any, theta: Any, **conditions: Any) -> Array:
-    """Transmission error; registered by the front door."""
-    raise TypeError(f"{type(model).__name__}: has no transmission error")
-
-
-@singledispatch
-def influence_on(model: Any, theta: Any, key: str, **named: Any) -> Influence:
-    """Influence of a source on a model's output; registered by the front door."""
-    raise TypeError(f"{type(model).__name__}: has no output")
-
-
-@singledispatch
-def equilibrium_of(model: Any, theta: Any, **conditions: Any) -> Equilibrium:
-    """Loaded state; registered by the front door."""
-    raise TypeError(f"{type(model).__name__}: has no loaded state")

@@ -20,7 +20,7 @@ import scipy
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import with_unit
-from rverror.base.quantities import Checked, Quantity, above_zero, quantity
+from rverror.base.quantities import Checked, NumberField, above_zero, quantity
 from rverror.base.viewed import OneLine
 from rverror.geartrain.mechanism import Friction, doubt_torque
 from rverror.geartrain.thermal import GROWTH
@@ -283,7 +283,7 @@ def duty_efficiency(
     doubt_torque(model.mechanism, [one.torque for one in phases])
     friction = declared_friction(model) if friction is None else friction
     around = above_zero("ambient", ambient, "temperature")
-    resistance = Quantity("thermal_resistance", least=0.0)
+    resistance = NumberField("thermal_resistance", least=0.0)
     outer = resistance.core("thermal_resistance", thermal_resistance)
     inner = resistance.core("inside_resistance", inside_resistance)
 
