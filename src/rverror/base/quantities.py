@@ -13,7 +13,7 @@ COUNT = "count"  # in place of a dimension: a whole number
 
 
 @dataclass(frozen=True)
-class Quantity:
+class NumberField:
     """What a number must be.
 
     Parameters
@@ -66,18 +66,18 @@ class Quantity:
         return f"above {self.above:g}" if self.above > -math.inf else f"{self.least:g} or more"
 
 
-def quantity(dimension: str, example: str = "", **bounds: Any) -> dict[str, Quantity]:
-    """Metadata of a field that is a quantity; parameters as of `Quantity`.
+def quantity(dimension: str, example: str = "", **bounds: Any) -> dict[str, NumberField]:
+    """Metadata of a field that is a quantity; parameters as of `NumberField`.
 
     Examples
     --------
     >>> quantity("length", above=0.0)["quantity"].core("width", "5 um")
     0.005
     """
-    return {"quantity": Quantity(dimension, example, **bounds)}
+    return {"quantity": NumberField(dimension, example, **bounds)}
 
 
-def quantities(kind: Any) -> Mapping[str, Quantity]:
+def quantities(kind: Any) -> Mapping[str, NumberField]:
     """Fields of a dataclass that are quantities, by name."""
     return {item.name: item.metadata["quantity"] for item in fields(kind) if "quantity" in item.metadata}
 
@@ -105,4 +105,4 @@ class Checked:
 
 def above_zero(name: str, value: Any, dimension: str) -> float:
     """Size in the core unit, refused where it is not above 0."""
-    return Quantity(dimension, above=0.0).core(name, value)
+    return NumberField(dimension, above=0.0).core(name, value)
