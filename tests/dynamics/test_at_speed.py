@@ -336,7 +336,7 @@ def test_an_integration_in_time_stays_on_the_harmonic_balance(direction: float) 
     rate = speed * slope(moved, 1.0)
     steps = np.arange(0, count // 4 + 1, 8)
     y, _ = forced.in_time(
-        lambda time: (speed * time, speed, 0.0, 0.0),
+        lambda time: (speed * time, speed, 0.0),
         steps / count * 2 * math.pi / abs(speed),
         start=(moved[:, 0], rate[:, 0]),
     )

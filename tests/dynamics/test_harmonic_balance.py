@@ -124,7 +124,7 @@ def test_harmonic_balance_is_what_the_integration_in_time_stays_on(
     rate = turn * slope(moved, 1.0)
     times = np.arange(0, 3 * COUNT + 1) / COUNT * 2 * math.pi / speed
     driven = Forced(system, force, np.zeros_like(force))
-    y, rates = driven.in_time(lambda time: (turn * time, turn, 0.0, 0.0), times, start=(moved[:, 0], rate[:, 0]))
+    y, rates = driven.in_time(lambda time: (turn * time, turn, 0.0), times, start=(moved[:, 0], rate[:, 0]))
     places = (int(sign) * np.arange(times.size)) % COUNT
     np.testing.assert_allclose(y, moved[:, places], atol=1e-4 * np.abs(moved).max())
     np.testing.assert_allclose(rates, rate[:, places], atol=1e-4 * np.abs(rate).max())
@@ -201,7 +201,7 @@ def test_undamped_the_energy_of_a_free_motion_stays(seed: int, size: int, speed:
     rng, none = np.random.default_rng(seed), np.zeros((size, COUNT))
     start = (rng.normal(size=size), rng.normal(size=size))
     y, rate = Forced(system, none, none).in_time(
-        lambda time: (speed * time, speed, 0.0, 0.0), np.linspace(0, 30, 50), start=start
+        lambda time: (speed * time, speed, 0.0), np.linspace(0, 30, 50), start=start
     )
     stiffness = system.stiffness[..., 0] + speed**2 * system.centrifugal
     energy = (rate**2).sum(axis=0) / 2 + np.einsum("ik,ij,jk->k", y, stiffness, y) / 2
@@ -218,7 +218,7 @@ def test_a_stiffness_that_beats_twice_a_period_swings_the_system_up() -> None:
     silent = np.zeros((1, COUNT))
     start = (np.array([1.0]), np.array([0.0]))
     y, rate = Forced(system, silent, silent).in_time(
-        lambda time: (speed * time, speed, 0.0, 0.0), np.append(0.0, times), start=start
+        lambda time: (speed * time, speed, 0.0), np.append(0.0, times), start=start
     )
     size = np.log(np.hypot(y[0], rate[0]))[1:]
     assert np.polyfit(times, size, 1)[0] == pytest.approx(depth * frequency / 4, rel=0.02)
@@ -229,7 +229,7 @@ def test_a_start_from_rest_is_the_textbooks_step() -> None:
     frequency, ratio = 3.0, 0.1
     times = np.linspace(0, 8, 81)
     force = Forced(single(frequency, ratio), np.zeros((1, COUNT)), np.ones((1, COUNT)))
-    y, _ = force.in_time(lambda time: (time**2 / 2, time, 1.0, 0.0), times)
+    y, _ = force.in_time(lambda time: (time**2 / 2, time, 1.0), times)
     damped = frequency * math.sqrt(1 - ratio**2)
     fading = np.exp(-ratio * frequency * times)
     wave = np.cos(damped * times) + ratio * frequency / damped * np.sin(damped * times)
@@ -245,7 +245,7 @@ def test_a_free_body_goes_straight_on_however_its_frame_turns() -> None:
     times, begin, velocity = np.linspace(0, 3, 31), np.array([1.0, 0.5]), np.array([0.3, -0.2])
     # at rest at first the frame sees the velocity as it is
     y, _ = Forced(system, silent, silent).in_time(
-        lambda time: (0.2 * time**2, 0.4 * time, 0.4, 0.0), times, start=(begin, velocity)
+        lambda time: (0.2 * time**2, 0.4 * time, 0.4), times, start=(begin, velocity)
     )
     path = (begin[:, None] + velocity[:, None] * times)[0] + 1j * (begin[:, None] + velocity[:, None] * times)[1]
     seen = path * np.exp(-1j * turns * 0.2 * times**2)

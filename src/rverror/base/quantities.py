@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+
 from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
 
 COUNT = "count"  # in place of a dimension: a whole number
 
@@ -106,3 +110,23 @@ class Checked:
 def above_zero(name: str, value: Any, dimension: str) -> float:
     """Size in the core unit, refused where it is not above 0."""
     return NumberField(dimension, above=0.0).core(name, value)
+
+
+def row(name: str, values: Any, dimension: str) -> Array:
+    """Values in a row, in the core unit; each may have a unit of its own, and a single one is a row of one.
+
+    Raises
+    ------
+    InputError
+        If they are no row, or have no such unit.
+    """
+    try:
+        if isinstance(values, Sequence) and not isinstance(values, str):
+            found = np.array([units.to_core(one, dimension) for one in values], dtype=np.float64)
+        else:
+            found = np.atleast_1d(units.to_core_array(values, dimension))
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from error
+    if found.ndim != 1 or not found.size:
+        raise InputError(f"{name}: the shape is {found.shape}; give a row")
+    return found

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
+from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
 from rverror.dynamics.loaded_motion import ReducedMotion
 from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
@@ -387,16 +387,9 @@ def _by_effect(made: MovingReducer, model: Model, rows: Array) -> Array:
 
 def _speeds(speeds: Any) -> Array:
     """Row of speeds, rad/s."""
-    try:
-        if isinstance(speeds, Sequence):
-            listed = [speeds] if isinstance(speeds, str) else speeds
-            rows = np.array([units.to_core(one, "angular_speed") for one in listed], dtype=np.float64)
-        else:
-            rows = np.atleast_1d(units.to_core_array(speeds, "angular_speed"))
-    except ValueError as error:
-        raise InputError(f"input_speeds: {error}") from error
-    if rows.ndim != 1 or not rows.size or not (rows >= 0).all():
-        raise InputError("input_speeds: give a row of speeds, each 0 or more; the direction is said by itself")
+    rows = row("input_speeds", speeds, "angular_speed")
+    if not (rows >= 0).all():
+        raise InputError("input_speeds: each must be 0 or more; the direction is said by itself")
     return rows
 
 

@@ -85,13 +85,6 @@ class LoadedMotion:
         swing = slope(self.course, 2 * math.pi / self.period) + turns * _ahead(self.train, self.course)
         return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
-    @cached_property
-    def load_force(self) -> Array:
-        """Force of a load's torque against the angles, per unit, (size, n)."""
-        made = np.zeros_like(self.state)
-        made[list(self.train.place("load") or self.train.place("carrier")[2:])] = -1.0
-        return made
-
     def reduced(self, kept: int) -> ReducedMotion:
         """With the motions alone in which the lowest modes of the mean stiffness have their inertia."""
         value, vector = self._mean
@@ -187,15 +180,10 @@ class ReducedMotion:
         """The same per rad/s^2 of the output."""
         return self._follow(self.whole.swing_force)
 
-    @cached_property
-    def _loaded(self) -> tuple[Array, Array]:
-        """The same per unit of load."""
-        return self._follow(self.whole.load_force)
-
     @property
-    def rest(self) -> tuple[Array, Array, Array]:
-        """Pose that the other modes take as springs per speed squared, rad/s^2 and unit of load, each (size, n)."""
-        return self._followed[1], self._sped_up[1], self._loaded[1]
+    def rest(self) -> tuple[Array, Array]:
+        """Pose that the other modes take as springs per speed squared and per rad/s^2, each (size, n)."""
+        return self._followed[1], self._sped_up[1]
 
     def _follow(self, given: Array) -> tuple[Array, Array]:
         """Force on the coordinates, and the pose that the other modes take as springs under a force, (size, n)."""
@@ -210,7 +198,7 @@ class ReducedMotion:
     @cached_property
     def forced(self) -> Forced:
         """Its equations with what drives them at any course of the speed."""
-        return Forced(self.oscillator, self._followed[0], self._sped_up[0], self._loaded[0])
+        return Forced(self.oscillator, self._followed[0], self._sped_up[0])
 
     def response(self, speed: float, near: Array | None = None) -> Array:
         """Motion about the loaded state in these coordinates, (m, n).

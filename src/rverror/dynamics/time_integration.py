@@ -1,9 +1,8 @@
 """Motion in time of the same equations, at any course of the speed: for checks, and for running up.
 
-As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up; and
-the load may change by T,
+As the speed changes by Omega', inertia has more terms: of Euler's force, and of the nominal motion that is sped up,
 
-    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta) + T h(theta).
+    y'' + (C + Omega G) y' + (K + Omega^2 S + Omega' G / 2) y = Omega^2 f(theta) + Omega' g(theta).
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator
 
-#: Of angle, speed, acceleration and load at a time: rad, rad/s, rad/s^2.
-Course = Callable[[float], tuple[float, float, float, float]]
+#: Angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
+Course = Callable[[float], tuple[float, float, float]]
 #: So many points between two samples: the shortest wave that the samples hold has eight.
 _FINER = 4
 _SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
@@ -88,19 +87,15 @@ class Forced:
     oscillator : Oscillator
     by_speed, by_acceleration : ndarray, shape (m, n)
         Force per speed squared, and per rad/s^2, at the angles of the oscillator.
-    by_load : ndarray, shape (m, n), optional
-        Force per unit of load; none where left out.
     """
 
     oscillator: Oscillator
     by_speed: Array
     by_acceleration: Array
-    by_load: Array | None = None
 
     @cached_property
     def _forces(self) -> Periodic:
-        load = np.zeros_like(self.by_speed) if self.by_load is None else self.by_load
-        return periodic(np.concatenate([self.by_speed, self.by_acceleration, load]), self.oscillator.period)
+        return periodic(np.concatenate([self.by_speed, self.by_acceleration]), self.oscillator.period)
 
     @cached_property
     def _matrices(self) -> Periodic:
@@ -123,9 +118,9 @@ class Forced:
         return Periodic(np.stack([slope.T, rows.T]), system.period)
 
     def at(self, theta: Any) -> tuple[Array, Array]:
-        """Stiffness and damping, (..., 2, m, m), and the three forces, (..., 3, m), at any angles."""
+        """Stiffness and damping, (..., 2, m, m), and the two forces, (..., 2, m), at any angles."""
         m, shape = self.oscillator.size, np.shape(theta)
-        return self._matrices(theta).reshape(*shape, 2, m, m), self._forces(theta).reshape(*shape, 3, m)
+        return self._matrices(theta).reshape(*shape, 2, m, m), self._forces(theta).reshape(*shape, 2, m)
 
     def in_time(
         self,
@@ -134,19 +129,22 @@ class Forced:
         *,
         start: tuple[Array, Array] | None = None,
         tolerance: float = 1e-8,
+        longest: float = np.inf,
     ) -> tuple[Array, Array]:
         """Motion from a start on.
 
         Parameters
         ----------
         course : callable
-            Angle, speed, acceleration and load at a time.
+            Angle, speed and acceleration at a time.
         times : ndarray, shape (k,)
             s, growing; the motion starts at the first.
         start : tuple of ndarray, optional
             Coordinates and their rates then, (m,) each; at rest about the equilibrium where left out.
         tolerance : float
             Relative, of each step.
+        longest : float
+            Step, s.
 
         Returns
         -------
@@ -162,24 +160,28 @@ class Forced:
         Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
         the stiffness above nothing; scipy's DOP853 takes the steps.
         """
-        from rverror.dynamics.rates import rates as compiled_rates  # numba takes a while to import
-
         system, m = self.oscillator, self.oscillator.size
-        forces, matrices, centrifugal, turning = (
-            np.require(one, np.float64, ("C", "W"))
-            for one in (self._forces.coefficients, self._matrices.coefficients, system.centrifugal, system.turning)
-        )
 
         def rates(time: float, state: Array) -> Array:
-            found, now = np.empty_like(state), np.array(course(time))
-            compiled_rates(state, now, system.period, forces, matrices, centrifugal, turning, found)
-            return found
+            theta, speed, acceleration = course(time)
+            (stiffness, damping), (by_speed, by_acceleration) = self.at(theta)
+            stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
+            force = speed**2 * by_speed + acceleration * by_acceleration
+            force -= stiffness @ state[:m] + (damping + speed * system.turning) @ state[m:]
+            return np.concatenate([state[m:], force])
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
         scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
         found = scipy.integrate.solve_ivp(
-            rates, (times[0], times[-1]), first, "DOP853", t_eval=times, rtol=tolerance, atol=tolerance * scale
+            rates,
+            (times[0], times[-1]),
+            first,
+            "DOP853",
+            times,
+            max_step=longest,
+            rtol=tolerance,
+            atol=tolerance * scale,
         )
         if not found.success:
             raise InputError(f"the motion in time could not be followed ({found.message}); take a shorter time")
@@ -189,8 +191,6 @@ class Forced:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
         moments = np.linspace(times[0], times[-1], 9).tolist()
-        speed, acceleration, load = (max(abs(course(time)[at]) for time in moments) for at in (1, 2, 3))
+        speed, acceleration = (max(abs(course(time)[at]) for time in moments) for at in (1, 2))
         force = speed**2 * np.abs(self.by_speed).max() + acceleration * np.abs(self.by_acceleration).max()
-        if self.by_load is not None:
-            force += load * np.abs(self.by_load).max()
         return float(force / value[value > 0].min()) if (value > 0).any() else float(force)

@@ -20,7 +20,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.quantities import above_zero
+from rverror.base.quantities import above_zero, row
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
@@ -31,7 +31,7 @@ from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Geometry, Layout, samples_first, solve
 from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
-from rverror.statics.rigidity import on_its_branch, row_of_torques
+from rverror.statics.rigidity import on_its_branch
 
 _MOST_ROUNDS = 60
 _DEPTH = 6  # rounds that tell the next
@@ -296,7 +296,7 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     """
     check_model(model)
     friction = declared_friction(model) if friction is None else friction
-    unit, turns = _straight(unread(model)), row_of_torques(torques)
+    unit, turns = _straight(unread(model)), row("torques", torques, "torque")
     doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
     branches = [

@@ -11,7 +11,6 @@ the line of midpoints itself.  The backlash is then all play, without the share 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import doubt_torque
 from rverror.model.effects import Model, check_model
@@ -193,7 +193,7 @@ def torsion_curve(model: Model, theta: Any | None = None, *, torques: Any) -> To
     >>> stiffness = curve.stiffness(low="206 N*m", high="412 N*m")  # N*mm/rad
     """
     check_model(model)
-    size = row_of_torques(torques)
+    size = row("torques", torques, "torque")
     doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = _ends(model, theta, 0.0)
     middle = (lower + upper) / 2
@@ -292,30 +292,6 @@ def _between(torque: Array, angle: Array, at: float) -> Array:
     order = np.argsort(torque, kind="stable")
     columns = angle[order].reshape(torque.size, -1).T
     return np.array([np.interp(at, torque[order], column) for column in columns]).reshape(angle.shape[1:])
-
-
-def row_of_torques(torques: Any) -> Array:
-    """Torques as given, with or without units, in N*mm.
-
-    Parameters
-    ----------
-    torques : array_like or quantity, shape (m,)
-
-    Returns
-    -------
-    ndarray, shape (m,)
-
-    Raises
-    ------
-    ValueError
-        If they are not a row of finite numbers.
-    """
-    if isinstance(torques, Sequence) and not isinstance(torques, str):
-        return np.array([units.to_core(value, "torque") for value in torques], dtype=np.float64)
-    row = units.to_core_array(torques, "torque")
-    if row.ndim != 1:
-        raise ValueError(f"torques has the shape {row.shape}; give a row of torques")
-    return row
 
 
 def _rated_torque(model: Model) -> float:

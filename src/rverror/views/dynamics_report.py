@@ -313,7 +313,6 @@ def _run_up_table(result: RunUp) -> Table:
             time=TIME,
             theta=POSITION,
             speed=SPEED,
-            load=TORQUE,
             **alike(ANGLE, "transmission_error", "crawl", "windup", "vibration"),
             output_torque=TORQUE,
         ),
@@ -325,7 +324,7 @@ def _run_up_table(result: RunUp) -> Table:
 
 @sheet.register
 def _run_up_sheet(thing: RunUp) -> Sheet:
-    names = ("time", "speed", "load", "transmission_error", "windup", "vibration", "output_torque")
+    names = ("time", "speed", "transmission_error", "windup", "vibration", "output_torque")
     heads = {"speed": "input speed", "transmission_error": "error"}
     whole, shaken, twisted = (
         brief(float(np.ptp(row)) / ARCSEC) for row in (thing.transmission_error, thing.vibration, thing.windup)
