@@ -6,11 +6,10 @@ import hashlib
 import io
 import json
 import math
-import tempfile
+import os
 import tomllib
-import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -23,7 +22,7 @@ from rverror.base.arrays import Array
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import in_arcsec, rounded, way
-from rverror.base.text import PathLike, did_you_mean, read_text, shown
+from rverror.base.text import PathLike, did_you_mean, read_bytes, read_text, shown
 from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import CONTACT_AXES
@@ -33,8 +32,7 @@ from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
 from rverror.model.effects import Effect, Model, effect
-from rverror.model.model_file import save_model
-from rverror.statics.loaded_state import equilibrium, linearise
+from rverror.statics.loaded_state import linearise
 
 Method = Literal["equilibrium", "closed"]
 
@@ -132,8 +130,6 @@ class StoredCase:
     ----------
     name, version : str
         Of the case, and of the rverror that wrote it.
-    turns : mapping of str to float
-        Turns of each part per output turn.
     arrays : mapping of str to ndarray
     """
 
@@ -141,12 +137,11 @@ class StoredCase:
     version: str
     ratio: float
     direction: float
-    turns: Mapping[str, float]
     arrays: Mapping[str, npt.NDArray[Any]]
 
-    def waveform(self, method: Method, *, opposite: bool = False) -> Array | None:
+    def waveform(self, method: Method) -> Array | None:
         """Transmission error of the case, rad; None where it holds none by this method."""
-        found = self.arrays.get(f"{'opposite' if opposite else 'transmission_error'}_{method}")
+        found = self.arrays.get(f"transmission_error_{method}")
         return None if found is None else np.asarray(found, dtype=np.float64)
 
 
@@ -160,8 +155,6 @@ ARRAYS: Mapping[str, tuple[str, str, str]] = {
     "theta": ("n", "rad", "nominal output angle, input angle / R"),
     "transmission_error_closed": ("n", "rad", "closed form"),
     "transmission_error_equilibrium": ("n", "rad", "equilibrium, elastic windup included"),
-    "opposite_closed": ("n", "rad", "the same angles, motion and load the other way; closed form"),
-    "opposite_equilibrium": ("n", "rad", "the same angles, motion and load the other way; equilibrium"),
     "influence_labels": ("parameters", "-", "source, indices and name of each parameter"),
     "influence_closed": ("parameters, n", "rad per mm or rad", "closed form"),
     "influence_equilibrium": ("parameters, n", "rad per mm or rad", "equilibrium, closed contacts held closed"),
@@ -237,16 +230,12 @@ def solve(definition: Definition, *, points: int = POINTS) -> SolvedCase:
     turn = _TURN * np.arange(points) / points
     theta = turn if direction > 0 else _TURN - turn
     here = Conditions(theta, direction, definition.torque)
-    opposite = replace(here, direction=-direction)
     loaded = linearise(model, here)
     some = np.arange(0, points, max(1, points // _FORCE_ANGLES))
     arrays: dict[str, npt.NDArray[Any]] = {"theta": theta}
     if definition.closed_form:
         arrays["transmission_error_closed"] = transmission_error(model, here)
-        arrays["opposite_closed"] = transmission_error(model, opposite)
-    back = equilibrium(model, opposite)
     arrays["transmission_error_equilibrium"] = loaded.state.transmission_error
-    arrays["opposite_equilibrium"] = back.transmission_error
     arrays["influence_labels"] = np.array(_labels(model.effects), dtype=np.str_)
     if definition.closed_form:
         motion = pose(model.mechanism, here)
@@ -269,39 +258,10 @@ def _labels(effects: Sequence[Effect]) -> list[str]:
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-def arrays_hash(arrays: Mapping[str, npt.NDArray[Any]]) -> str:
-    """SHA-256 over names, types, shapes and contents of arrays, by name; whatever container they lie in.
-
-    Parameters
-    ----------
-    arrays : mapping of str to ndarray
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
-    total = hashlib.sha256()
-    for name in sorted(arrays):
-        array = _portable(arrays[name])
-        total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
-        total.update(array.tobytes())
-    return total.hexdigest()
-
-
-def _portable(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Little-endian, C order."""
-    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
-
-
 def case_npz(case: SolvedCase) -> bytes:
-    """Bytes of ``case.npz``, the same for the same arrays: no dates, no compression."""
+    """Bytes of ``case.npz``, the same for the same arrays."""
     whole = io.BytesIO()
-    with zipfile.ZipFile(whole, "w") as archive:
-        for name, array in case.arrays.items():
-            part = io.BytesIO()
-            np.lib.format.write_array(part, _portable(array), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), part.getvalue())
+    np.savez(whole, **case.arrays)
     return whole.getvalue()
 
 
@@ -324,7 +284,6 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         "shows": what.shows,
         "version": __version__,
         "conventions": "docs/conventions.md",
-        "model_toml": _toml(what.model),
         "model": {
             "units": {name: units.CORE_UNITS[name] for name in ("length", "angle", "torque", "stiffness")},
             "reducer": asdict(unit),
@@ -351,7 +310,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
             for item in what.known
         ],
         "arrays": {name: dict(zip(("axes", "unit", "what"), ARRAYS[name], strict=True)) for name in arrays},
-        "arrays_sha256": arrays_hash(arrays),
+        "npz_sha256": hashlib.sha256(case_npz(case)).hexdigest(),
     }
 
 
@@ -361,14 +320,6 @@ def case_files(case: SolvedCase) -> Mapping[str, bytes]:
         "case.npz": case_npz(case),
         "case.json": (json.dumps(case_json(case), indent=1) + "\n").encode(),
     }
-
-
-def _toml(model: Model) -> str:
-    """Text of the model file, read back and found equal."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.toml"
-        save_model(path, model)
-        return read_text(path)
 
 
 def _effect_json(item: Effect) -> dict[str, Any]:
@@ -423,13 +374,8 @@ def waves_of(values: Array) -> npt.NDArray[np.complex128]:
 
 def wave_json(wave: complex) -> dict[str, Any]:
     """Amplitude and phase; a wave of next to nothing has no phase."""
-    phase = math.degrees(math.atan2(wave.imag, wave.real)) if has_phase(wave) else None
+    phase = math.degrees(math.atan2(wave.imag, wave.real)) if abs(wave) >= 1e-4 * ARCSEC else None
     return {"amplitude_arcsec": in_arcsec(abs(wave), DIGITS), "phase_deg": rounded(phase, DIGITS)}
-
-
-def has_phase(wave: complex) -> bool:
-    """Whether a wave, rad, is large enough for its phase to mean anything."""
-    return abs(wave) >= 1e-4 * ARCSEC
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -452,50 +398,29 @@ def read_case(path: PathLike) -> StoredCase:
     InputError
         If it is no case, of another format, or its arrays are not those that were written.
     """
-    described = Path(path)
-    try:
-        if described.is_dir():
-            described = described / "case.json"
-    except (OSError, ValueError) as problem:  # ValueError: a null byte in the name
-        raise InputError(f"{path!r}: no such case; check the path") from problem
+    described = Path(path, "case.json") if os.path.isdir(path) else Path(path)
     text = read_text(described)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as problem:
         raise InputError(f"{described}: this is no JSON; give the folder of a case or its case.json") from problem
-    if not isinstance(content, dict) or "format" not in content or "arrays_sha256" not in content:
+    if not isinstance(content, dict) or "format" not in content or "npz_sha256" not in content:
         raise InputError(f"{described}: this is no reference case; write one with `rverror reference-cases`")
     if content["format"] != FORMAT:
         raise InputError(f"{described}: format {shown(content['format'])}, this rverror reads {FORMAT}; {_AGAIN}")
-    arrays = _read_arrays(described.with_name("case.npz"))
-    if arrays_hash(arrays) != content["arrays_sha256"]:
-        raise InputError(
-            f"{described.with_name('case.npz')}: the arrays are not those of case.json, their hash differs; {_AGAIN}"
-        )
+    stored = described.with_name("case.npz")
+    raw = read_bytes(stored)
+    if hashlib.sha256(raw).hexdigest() != content["npz_sha256"]:
+        raise InputError(f"{stored}: it is not that of case.json, their hash differs; {_AGAIN}")
+    with np.load(io.BytesIO(raw), allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
     try:
-        model = content["model"]
-        turns = {str(name): float(value) for name, value in model["turns_per_output_turn"].items()}
-        case = StoredCase(
+        return StoredCase(
             name=str(content["name"]),
             version=str(content["version"]),
-            ratio=float(model["ratio"]),
+            ratio=float(content["model"]["ratio"]),
             direction=DIRECTIONS[content["direction"]],
-            turns=turns,
             arrays=arrays,
         )
-        shapes = {arrays[name].shape for name in ("theta", "transmission_error_equilibrium", "opposite_equilibrium")}
-        if len(shapes) != 1:
-            raise ValueError(f"arrays of different shapes, {shapes}")
     except (KeyError, TypeError, ValueError, AttributeError) as problem:
         raise InputError(f"{described}: something is missing or changed ({problem}); {_AGAIN}") from problem
-    return case
-
-
-def _read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except FileNotFoundError as problem:
-        raise InputError(f"{path}: there is no such file; keep case.json and case.npz together") from problem
-    except (OSError, ValueError, TypeError, EOFError, NotImplementedError, zipfile.BadZipFile) as problem:
-        raise InputError(f"{path}: cannot read its arrays; {_AGAIN}") from problem

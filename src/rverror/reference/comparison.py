@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +13,6 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import in_arcsec, rounded
-from rverror.base.text import joined
 from rverror.base.units import ARCSEC
 from rverror.model.ends import Encoders
 from rverror.reference.cases import (
@@ -24,7 +22,6 @@ from rverror.reference.cases import (
     Method,
     StoredCase,
     about_mean,
-    has_phase,
     rms_of,
     wave_json,
     waves_of,
@@ -33,9 +30,8 @@ from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
 from rverror.runs.reading import refuse
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, plus_minus
-from rverror.views.blocks import as_text, section
-from rverror.views.envelope import InputFile, enveloped
-from rverror.views.report import to_json, to_text
+from rverror.views.blocks import Sheet, facts, grid, line, notes, section, title
+from rverror.views.describing import content, sheet
 
 _TURN = 2 * math.pi
 _NO_MATTER = 0.1 * ARCSEC  # waves that a coarse run may miss
@@ -44,8 +40,6 @@ _SAME_ANGLE = 1e-6  # of a step
 _FAR_BETTER = 1 / 3
 _AS_GOOD = 1.5
 _FITS = 0.01  # rms of a difference, as a share of the case's, that asks for no hint
-_PEAKS = 40
-_FIGURES: tuple[Figure, Figure] = ("peak_to_peak", "rms")  # beside which the uncertainty of the run's bench stands
 
 
 @dataclass(frozen=True)
@@ -150,15 +144,8 @@ def compare(
     difference = their_wave - case_wave
     about = about_mean(difference)
     other: Method = "closed" if method == "equilibrium" else "equilibrium"
-    other_wave, opposite = case.waveform(other), case.waveform(method, opposite=True)
-    fits = [
-        (f"{what} fits", rms_of(about_mean(their_wave - wave[order])), remedy)
-        for what, wave, remedy in (
-            (f"the case's {WORDS[other]}", other_wave, f"your tool shares its assumptions; see --method {other}"),
-            ("the case in the other direction", opposite, _DIRECTION),
-        )
-        if wave is not None
-    ]
+    other_wave = case.waveform(other)
+    other_rms = None if other_wave is None else rms_of(about_mean(their_wave - other_wave[order]))
     waves = [waves_of(values) for values in (case_wave, their_wave, difference)]
     worst = np.argsort(-np.abs(waves[2]), kind="stable")
     return Comparison(
@@ -173,9 +160,9 @@ def compare(
         peak_to_peak=float(np.ptp(their_wave)),
         case_rms=rms_of(about_mean(case_wave)),
         case_peak_to_peak=float(np.ptp(case_wave)),
-        other_rms=None if other_wave is None else rms_of(about_mean(their_wave - other_wave[order])),
+        other_rms=other_rms,
         orders=tuple(OrderDifference(int(i) + 1, *(complex(wave[i]) for wave in waves)) for i in worst),
-        hints=_hints(about_mean(their_wave), about_mean(case_wave), fits, case.turns),
+        hints=_hints(about_mean(their_wave), about_mean(case_wave), other, other_rms),
         notes=(*run.notes, *notes),
         bench=None if encoders is None else uncertainty_of(encoders, case.ratio),
     )
@@ -204,18 +191,13 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
             "360 deg; give one or more whole turns",
         )
     targets = _targets(case, angle[0], turns)
-    taken = _taken(angle, targets)
-    if taken is None:
+    if not _samples_at(angle, targets):
         resolved = _check_step(name, step, wanted)
-        values = _interpolated(angle, values, targets, turns)
         notes.append(
             f"{angle.size} angles differ from the case's; interpolated by a cubic spline onto its {wanted.size} a "
             f"turn, good for orders below {resolved:.0f}"
         )
-    else:
-        values = values[taken]
-        if left := angle.size - taken.size:
-            notes.append(f"{left} of {angle.size} angles are none of the case's, and were left out")
+    values = _interpolated(angle, values, targets, turns)
     if turns > 1:
         notes.append(f"{turns} whole turns: their mean is compared")
     mean = np.empty(wanted.size)
@@ -238,12 +220,11 @@ def _places(case: StoredCase, targets: Array) -> npt.NDArray[np.intp]:
     return np.asarray(number % theta.size, dtype=np.intp)
 
 
-def _taken(angle: Array, targets: Array) -> npt.NDArray[np.intp] | None:
-    """Samples that lie at the targets; None where one of them has none."""
+def _samples_at(angle: Array, targets: Array) -> bool:
+    """Whether there is a sample at every target."""
     right = np.clip(np.searchsorted(angle, targets), 1, angle.size - 1)
-    nearest = np.where(targets - angle[right - 1] < angle[right] - targets, right - 1, right)
-    step = float(targets[1] - targets[0])
-    return nearest if (np.abs(angle[nearest] - targets) <= _SAME_ANGLE * step).all() else None
+    off = np.minimum(np.abs(targets - angle[right - 1]), np.abs(angle[right] - targets))
+    return bool((off <= _SAME_ANGLE * (targets[1] - targets[0])).all())
 
 
 def _check_step(name: str, step: Array, wanted: Array) -> float:
@@ -276,178 +257,106 @@ def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Ar
 # --- hints ------------------------------------------------------------------------------------------------------------
 
 
-def _hints(
-    theirs: Array, case: Array, others: Sequence[tuple[str, float, str]], turns: Mapping[str, float]
-) -> tuple[str, ...]:
+def _hints(theirs: Array, case: Array, other: Method, other_rms: float | None) -> tuple[str, ...]:
     """Mix-ups that bring the run far nearer to the case; those that do so equally well, simple ones first."""
     plain, scale = rms_of(theirs - case), rms_of(case)
     if scale < LEAST or plain <= _FITS * scale:
         return ()
     mirrored = np.roll(theirs[::-1], 1)  # angles from 0 on: theta -> -theta keeps the first in place
     tried = [
-        *others,
+        (f"the case's {WORDS[other]} fits", other_rms, f"your tool shares its assumptions; see --method {other}"),
         ("the run with its sign turned fits", rms_of(-theirs - case), _SIGN),
         ("the run with its angles mirrored, theta for -theta, fits", rms_of(mirrored - case), _MIRROR),
         ("the run with sign and angles turned fits", rms_of(-mirrored - case), _BOTH),
     ]
-    best = min(rms for _, rms, _ in tried)
-    lead, shifted = _shift(theirs, case)
-    if shifted <= _FAR_BETTER * min(plain, best):
-        place = f"{math.degrees(lead):.4g} deg of the output{_in_turns(lead, turns)}"
-        best = shifted
-        tried = [(f"the run fits where its angles are taken to lead the case's by {place}", shifted, _ZERO)]
+    found = [(what, rms, remedy) for what, rms, remedy in tried if rms is not None]
+    best = min(rms for _, rms, _ in found)
     if best > _FAR_BETTER * plain:
         return ()
     return tuple(
         f"{what} (rms {rms / ARCSEC:.3g} arcsec instead of {plain / ARCSEC:.3g}): {remedy}"
-        for what, rms, remedy in tried
+        for what, rms, remedy in found
         if rms <= max(_AS_GOOD * best, _FITS * scale)
     )
 
 
-_DIRECTION = "check the direction of motion and of the load, and which flanks and pins carry"
 _SIGN = "the error is the output angle less input angle / R, positive where the output leads"
 _MIRROR = "theta grows counter-clockwise, in forward motion; check the sense of rotation of your angles"
-_ZERO = "check where theta = 0 lies"
 _BOTH = "angles and error count counter-clockwise; your tool may look from the other side or count clockwise"
-
-
-def _shift(theirs: Array, case: Array) -> tuple[float, float]:
-    """Smallest lead of the run's angles at which it fits best, rad, and the rms left."""
-    n = theirs.size
-    lines, order = np.fft.rfft(theirs), np.arange(n // 2 + 1)
-    fit = np.fft.irfft(lines * np.conj(np.fft.rfft(case)), n)  # of theirs, so many angles on
-    peaks = np.flatnonzero((fit >= np.roll(fit, 1)) & (fit >= np.roll(fit, -1)))
-    found = []
-    for peak in peaks[np.argsort(-fit[peaks], kind="stable")][:_PEAKS]:
-        lead = float((_TURN * peak / n + math.pi) % _TURN - math.pi)
-        for _ in range(4):
-            moved = lines * np.exp(1j * order * lead)
-            slope, rest = np.fft.irfft(1j * order * moved, n), np.fft.irfft(moved, n) - case
-            power = float(slope @ slope)
-            lead -= float(slope @ rest) / power if power > 0 else 0.0
-        found.append((lead, rms_of(np.fft.irfft(lines * np.exp(1j * order * lead), n) - case)))
-    least = min((rms for _, rms in found), default=math.inf)
-    near = [item for item in found if item[1] <= max(1.05 * least, 1e-3 * rms_of(case))]
-    return min(near, key=lambda item: abs(item[0]), default=(0.0, math.inf))
-
-
-def _in_turns(lead: float, turns: Mapping[str, float]) -> str:
-    """Lead in turns of crank and sun where it is a whole number of them."""
-    carrier = turns.get("carrier", 1.0)
-    rates = {
-        f"{part} turns {where}": turns[part] - base
-        for where, base in (("against the carrier", carrier), ("in the housing", 0.0))
-        for part in ("crank", "sun")
-        if part in turns
-    }
-    counts = {what: abs(lead / _TURN * rate) for what, rate in rates.items()}
-    whole = [
-        f"{round(count)} {what}" for what, count in counts.items() if round(count) and abs(count - round(count)) < 5e-3
-    ]
-    return f", {' or '.join(whole)}" if whole else ""
 
 
 # --- telling ----------------------------------------------------------------------------------------------------------
 
 
-@to_text.register
-def comparison_text(found: Comparison, *, most: int = 12) -> str:
-    """Comparison as text.
+@sheet.register
+def _comparison_sheet(found: Comparison, *, most: int = 12) -> Sheet:
+    def measured(value: float, figure: Figure) -> str:
+        bench = "" if found.bench is None else f"{plus_minus(found.bench.of(figure) / ARCSEC)} ({BESIDE})"
+        return f"{_arcsec(value)}{bench}"
 
-    Parameters
-    ----------
-    most : int
-        Orders told.
-
-    Returns
-    -------
-    str
-        Angles in arcsec.
-    """
-    of_peak, of_rms = (
-        "" if found.bench is None else f"{plus_minus(found.bench.of(figure) / ARCSEC)} ({BESIDE})"
-        for figure in _FIGURES
+    told = [one for one in found.orders[:most] if abs(one.difference) >= 1e-6 * ARCSEC]
+    waves = ("theirs", "case", "difference")
+    heads = ("order", *(head for name in waves for head in (name, "phase")))
+    rows = [(one.order, *(cell for name in waves for cell in _polar(getattr(one, name)))) for one in told]
+    other = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
+    of_other = "" if found.other_rms is None else measured(found.other_rms, "rms")
+    orders = "By order, worst first, arcsec and deg; a wave is amplitude * cos(order * theta - phase)"
+    return (
+        *title(
+            "Comparison", found.run, f"case {found.case}, {WORDS[found.method]}", f"rverror {found.version}; arcsec"
+        ),
+        *notes(found.notes),
+        *facts(
+            {
+                "peak-to-peak, theirs": measured(found.peak_to_peak, "peak_to_peak"),
+                "peak-to-peak, case": _arcsec(found.case_peak_to_peak),
+                "offset, theirs less case": _arcsec(found.offset),
+                "rms of the difference, without the offset": measured(found.rms, "rms"),
+                "rms of the case": _arcsec(found.case_rms),
+                "largest difference": f"{_arcsec(found.largest)} at {math.degrees(found.largest_at):.4g} deg",
+                f"rms against the {other}": of_other,
+            }
+        ),
+        *(section(orders, *grid(heads, rows)) if rows else line("No order differs by 1e-6 arcsec or more.")),
+        *section("Mix-ups that would explain the difference", *notes(found.hints)),
+        *section("What the bench leaves uncertain", *bench_sheet(found.bench)),
     )
-    lines = [
-        f"{found.run} against the case {found.case}, {WORDS[found.method]} (rverror {found.version}); arcsec",
-        *(f"note: {note}" for note in found.notes),
-        "",
-        f"{'peak-to-peak':28s} theirs {_arcsec(found.peak_to_peak)}{of_peak}   case {_arcsec(found.case_peak_to_peak)}",
-        f"{'offset, theirs less case':28s} {_arcsec(found.offset)}",
-        f"{'rms of the difference':28s} {_arcsec(found.rms)}{of_rms}   without the offset; the case's own rms "
-        f"{_arcsec(found.case_rms)}",
-        f"{'largest difference':28s} {_arcsec(found.largest)}   at {math.degrees(found.largest_at):.4g} deg",
-    ]
-    if found.other_rms is not None:
-        word = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
-        lines.append(f"{f'rms against the {word}':28s} {_arcsec(found.other_rms)}{of_rms}")
-    lines += as_text(section("What the bench leaves uncertain", *bench_sheet(found.bench))).splitlines()
-    told = [line for line in found.orders[:most] if abs(line.difference) >= 1e-6 * ARCSEC]
-    if told:
-        lines += [
-            "",
-            "By order, worst first; a wave is amplitude * cos(order * theta - phase)",
-            "order" + "".join(f" {name:>11s} {'phase':>8s}" for name in ("theirs", "case", "difference")),
-            *(
-                f"{line.order:5d} {_polar(line.theirs)} {_polar(line.case)} {_polar(line.difference)}".rstrip()
-                for line in told
-            ),
-        ]
-    else:
-        lines += ["", "No order differs by 1e-6 arcsec or more"]
-    if found.hints:
-        lines += ["", *(f"hint: {hint}" for hint in found.hints)]
-    return joined(lines)
 
 
 def _arcsec(value: float) -> str:
     return f"{value / ARCSEC:.4g}"
 
 
-def _polar(wave: complex) -> str:
-    phase = f"{math.degrees(math.atan2(wave.imag, wave.real)):z8.2f}" if has_phase(wave) else f"{'-':>8s}"
-    return f"{abs(wave) / ARCSEC:11.4g} {phase}"
+def _polar(wave: complex) -> tuple[float, float | None]:
+    """Amplitude, arcsec, and phase, deg."""
+    told = wave_json(wave)
+    return told["amplitude_arcsec"], None if told["phase_deg"] is None else round(told["phase_deg"], 2)
 
 
-@to_json.register
-def comparison_json(found: Comparison, *, most: int = 100, files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """Comparison as plain data for `json.dump`; keys are only ever added.
-
-    Parameters
-    ----------
-    most : int
-        Orders told.
-    files : sequence of InputFile, optional
-        What it was made from.
-
-    Returns
-    -------
-    dict
-        Angles in arcsec, phases in deg.
-    """
-    content = {
+@content.register
+def _comparison_json(found: Comparison, *, most: int = 100) -> dict[str, Any]:
+    sizes = {
+        "peak_to_peak": found.peak_to_peak,
+        "case_peak_to_peak": found.case_peak_to_peak,
+        "case_rms": found.case_rms,
+        "offset_difference": found.offset,
+        "rms_difference": found.rms,
+        "largest_difference": found.largest,
+        "rms_against_other_method": found.other_rms,
+    }
+    waves = ("theirs", "case", "difference")
+    return {
         "run": os.fspath(found.run),
         "case": found.case,
         "case_version": found.version,
         "method": WORDS[found.method],
-        "peak_to_peak_arcsec": in_arcsec(found.peak_to_peak, DIGITS),
-        "case_peak_to_peak_arcsec": in_arcsec(found.case_peak_to_peak, DIGITS),
-        "case_rms_arcsec": in_arcsec(found.case_rms, DIGITS),
-        "offset_difference_arcsec": in_arcsec(found.offset, DIGITS),
-        "rms_difference_arcsec": in_arcsec(found.rms, DIGITS),
-        "largest_difference_arcsec": in_arcsec(found.largest, DIGITS),
+        **{f"{name}_arcsec": in_arcsec(size, DIGITS) for name, size in sizes.items()},
         "largest_difference_at_deg": rounded(math.degrees(found.largest_at), DIGITS),
-        "rms_against_other_method_arcsec": in_arcsec(found.other_rms, DIGITS),
         "orders": [
-            {
-                "order": line.order,
-                **{name: wave_json(getattr(line, name)) for name in ("theirs", "case", "difference")},
-            }
-            for line in found.orders[:most]
+            {"order": one.order, **{name: wave_json(getattr(one, name)) for name in waves}}
+            for one in found.orders[:most]
         ],
         "bench_uncertainty": bench_json(found.bench),
         "hints": list(found.hints),
         "notes": list(found.notes),
     }
-    return enveloped("Comparison", content, files)
