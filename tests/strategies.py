@@ -80,9 +80,9 @@ def angles(draw: st.DrawFn, size: int = 24) -> Array:
 
 
 def variant(unit: Reducer, **changes: Any) -> Reducer:
-    """Copy of a reducer with other values; the crank circle follows from the gears."""
+    """Copy of a reducer with other values."""
     names = Reducer.__dataclass_fields__
-    return Reducer(**({name: getattr(unit, name) for name in names} | {"crank_circle_radius": None} | changes))
+    return Reducer(**({name: getattr(unit, name) for name in names} | changes))
 
 
 def scaled(unit: Reducer, factor: float) -> Reducer:

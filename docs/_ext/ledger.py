@@ -193,11 +193,11 @@ def profile_as_printed(unit: Reducer, error: float) -> float:
     The arm of the normal is r cos(alpha_3), and n13 . n23 is cos(alpha_3) once more: e r / (a z_c)^2.
     """
     longest = math.acos(unit.short_width_coefficient)
-    contacts = pin_contacts(unit, np.array([[longest]]))
+    normal, arms, _ = pin_contacts(unit, np.array([[longest]]))
     pin, _ = radial_and_tangential(pin_positions(unit)[:1])
     centre, _ = radial_and_tangential(np.array([longest]))
-    contact = unit.pin_circle_radius * pin + unit.pin_radius * contacts.normal[0, 0] - unit.eccentricity * centre
-    radius, arm = float(np.hypot(*contact)[0]), float(contacts.arm[0, 0, 0])
+    contact = unit.pin_circle_radius * pin + unit.pin_radius * normal[0, 0] - unit.eccentricity * centre
+    radius, arm = float(np.hypot(*contact)[0]), float(arms[0, 0, 0])
     return error * radius / arm**2
 
 
@@ -549,7 +549,7 @@ def _displacement_row() -> Row:
     unit = _rv40e()
     K = unit.short_width_coefficient
     eccentric = np.linspace(0, 2 * np.pi / unit.pins, 16)
-    arm = pin_contacts(unit, eccentric[None]).arm[0]
+    arm = pin_contacts(unit, eccentric[None])[1][0]
     phi = eccentric - pin_positions(unit)[:, None]
     longest = unit.eccentricity * unit.disc_lobes
     contact = np.array([math.acos(K)])
@@ -577,7 +577,7 @@ def _displacement_row() -> Row:
 def _projection_row() -> Row:
     unit, um = _rv40e(), 1e3
     longest = math.acos(unit.short_width_coefficient)
-    normal = pin_contacts(unit, np.array([[longest]])).normal[0, 0, :, 0]
+    normal = pin_contacts(unit, np.array([[longest]]))[0][0, 0, :, 0]
     # pin 0 on +x; direction from the disc's centre to it
     to_pin = np.array([unit.pin_circle_radius, 0]) - unit.eccentricity * np.array(
         [math.cos(longest), math.sin(longest)]

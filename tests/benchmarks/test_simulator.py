@@ -108,7 +108,7 @@ def test_forces_of_the_oracle_balance_at_light_load_and_large_errors(sense: int)
     # pins that jam a disc turn its cranks until the back flanks touch, which the oracle has not
     driven = (bench.linear(pose).flanks[:, UNIT.cranks :] < 0).all(axis=1)
     assert driven.mean() > 0.6
-    assert abs(balance[driven]).max() < 1e-3 * 5e3 / UNIT.crank_circle_radius
+    assert abs(balance[driven]).max() < 1e-3 * 5e3 / UNIT.crank_radius
 
 
 @pytest.mark.parametrize("torque", [5e3, 200e3], ids=["5 N*m", "200 N*m"])
@@ -142,7 +142,7 @@ def test_forces_balance_as_the_derivative_of_an_energy_written_out(
     for column in range(bench.unknowns):
         move = step * (np.arange(bench.unknowns) == column)
         slope = (energy(pose + move) - energy(pose - move)) / (2 * step)
-        assert abs(slope).max() < 1e-4 * torque / UNIT.crank_circle_radius, column
+        assert abs(slope).max() < 1e-4 * torque / UNIT.crank_radius, column
 
 
 def test_clearances_do_what_the_design_says() -> None:

@@ -178,7 +178,7 @@ def test_preset_with_values_beside_it(tmp_path: Path) -> None:
     ).mechanism
     assert isinstance(unit, Reducer)
     assert (unit.module, unit.cranks, unit.spline_radius) == (1.4, 3, 6.0)
-    assert unit.crank_circle_radius == pytest.approx(1.4 * 36 / 2)
+    assert unit.crank_radius == pytest.approx(1.4 * 36 / 2)
     assert unit.rated_torque == pytest.approx(400e3)
 
 
@@ -342,7 +342,6 @@ BAD: dict[str, tuple[str | bytes, list[str]]] = {
     "geometry of a preset": (swapped('"RV-40E"\n', '"RV-40E"\neccentricity = "2 mm"\n'),
                              ["line 3", "eccentricity = 2 mm", "below 1.6 mm"]),
     "geometry of no line": (swapped('"RV-40E"\n', '"RV-40E"\nmodule = "4 mm"\n'), ["line 3", "module = 4 mm"]),
-    "crank circle": (FULL + 'crank_circle_radius = "28 mm"\n', ["line 13", "27 mm", "leave it out"]),
     "stiffness key": (FULL + "[reducer.stiffness]\npin_contakt = '1 N/mm'\n",
                       ["line 14", "'pin_contakt'", "did you mean 'pin_contact'"]),
     "stiffness number": (FULL + "[reducer.stiffness]\npin_contact = 2e5\n", ["line 14", "no unit", "N/mm"]),

@@ -168,7 +168,6 @@ def test_nomenclature_names_every_parameter_of_the_geometry():
         "bearing_preload",
         "friction",
         "rated_torque",
-        "crank_circle_radius",
         "output",
         "name",
     }  # words, not symbols

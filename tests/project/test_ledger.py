@@ -203,7 +203,7 @@ def test_normal_gap_is_what_a_smaller_grinding_circle_takes_off(preset):
 def test_loaded_displacement_is_the_share_of_the_longest_arm(preset):
     unit = reducer(preset)
     eccentric = np.linspace(0, 2 * np.pi, 97)
-    arm = pin_contacts(unit, eccentric[None]).arm[0]
+    arm = pin_contacts(unit, eccentric[None])[1][0]
     phi = eccentric - pin_positions(unit)[:, None]
     share = loaded_share(unit, phi)
     np.testing.assert_allclose(share, arm / (unit.eccentricity * unit.disc_lobes), atol=1e-12)

@@ -310,7 +310,7 @@ def speed_response(
         reducer=made.unit,
         torque=made.torque,
         direction=direction,
-        by_effect=_by_effect(made, model, rows) if by_effect else None,
+        by_effect=_by_effect(made, model, rows, errors) if by_effect else None,
         effects=model.effects,
     )
 
@@ -365,7 +365,8 @@ def influences_at_speed(
     own = float(rows[0])
     made = moving_reducer(model, torque=torque, direction=direction_sign(direction), fastest=own, causes=effects)
     still = made.where.read
-    nominal = made.error(made.motion.every_share, own) + added(model.effects, still)
+    turn = made.turn(own)
+    nominal = made.motion.error(made.motion.response(turn), turn) + added(model.effects, still)
     shares = made.shares(effects)
     matrices = []
     for effect in effects:
@@ -374,14 +375,16 @@ def influences_at_speed(
     return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own, made.torque)
 
 
-def _by_effect(made: MovingReducer, model: Model, rows: Array) -> Array:
+def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) -> Array:
     """Each effect's part of the error at some speeds, and what the load does whatever they are, (effects + 1, s, n)."""
-    moves = unread(model).effects
-    shares = made.by_effect(model.effects)
-    parts = np.array([[made.error(share, float(speed)) for speed in rows] for share in shares])
+    moves, shares = unread(model).effects, made.shares(model.effects)
+    parts = np.zeros((len(model.effects) + 1, *errors.shape))
     for number, effect in enumerate(model.effects):
+        for value, share in zip(effect.values, shares, strict=False):
+            parts[number] += value * np.array([made.error(share, float(speed)) for speed in rows])
         if effect in moves:
             parts[number] += added((effect,), made.where.read)
+    parts[-1] = errors - parts[:-1].sum(axis=0)
     return parts
 
 

@@ -119,14 +119,6 @@ class Share:
     follows: Array
     force: Array
 
-    def __add__(self, other: Share) -> Share:
-        """Both together."""
-        return Share(self.still + other.still, self.follows + other.follows, self.force + other.force)
-
-    def __mul__(self, factor: float) -> Share:
-        """So many times of it."""
-        return Share(factor * self.still, factor * self.follows, factor * self.force)
-
 
 @dataclass(frozen=True)
 class ReducedMotion:
@@ -217,12 +209,6 @@ class ReducedMotion:
         train = self.whole.train
         still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
         return np.asarray(still + (self.reading * moved).sum(axis=0))
-
-    @property
-    def every_share(self) -> Share:
-        """All of the equilibrium, and the nominal motion."""
-        force, rest = self._followed
-        return Share(self.whole.train.reading @ self.whole.state, self.whole.train.reading @ rest, force)
 
     def share(self, state: Array, course: Array) -> Share:
         """What a share of the equilibrium, (size, n), with the waves of it that inertia follows does at speed."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -92,14 +91,6 @@ class MovingReducer:
             state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
             course = held_waves(whole.train, state, between[..., number], whole.theta, whole.period)
             yield self.motion.share(state, course)
-
-    def by_effect(self, effects: Sequence[Effect]) -> list[Share]:
-        """What each effect does with its size, and last what is left: what the load does whatever the errors."""
-        parts = []
-        for effect in effects:
-            units = self.shares((effect,))
-            parts.append(reduce(Share.__add__, (one * value for one, value in zip(units, effect.values, strict=True))))
-        return [*parts, reduce(Share.__add__, (part * -1.0 for part in parts), self.motion.every_share)]
 
     def error(self, share: Share, speed: float) -> Array:
         """Output error of a share at an input speed, rad, (n,)."""

@@ -148,7 +148,7 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
     eccentric = turns["crank"] + phases[:, None]
     position = turns["carrier"] + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
-    pins = pin_contacts(reducer, eccentric)
+    normal, arm, point = pin_contacts(reducer, eccentric)
     return Contacts(
         ratio=reducer.ratio,
         reducer=reducer,
@@ -156,9 +156,9 @@ def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
         sense=frame_orders(reducer)["carrier"] * resisted_motion(same["direction"], same["load"]),
         eccentric=eccentric,
         crank_position=position,
-        pin_normal=pins.normal,
-        pin_arm=pins.arm,
-        pin_point=pins.point,
+        pin_normal=normal,
+        pin_arm=arm,
+        pin_point=point,
         mesh_normal=mesh_normal(reducer, position),
         **same,
     )

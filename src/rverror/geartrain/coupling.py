@@ -12,12 +12,14 @@ from rverror.geartrain.source import (
     CRANK,
     OPENS,
     Indices,
+    Orders,
     Source,
     around,
     bore_orders,
     chosen,
     clearance,
     compliances,
+    leads,
     lengths,
     or_all,
     pin_wave_orders,
@@ -136,34 +138,24 @@ def carrier_runout(contacts: Contacts) -> ErrorVector:
     return ErrorVector(contact="carrier", vector=vector[:, None])
 
 
-def _bore_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """Constant where two or more discs balance."""
-    return bore_orders(mechanism, indices) if rv(mechanism).discs == 1 else ()
-
-
-def _runout_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """Nothing where two or more discs balance."""
-    unit = rv(mechanism)
-    return (fundamental_orders(unit)["carrier"],) if unit.discs == 1 else ()
+def _with_one_disc(orders: Orders) -> Orders:
+    """Orders with a single disc; none where two or more balance."""
+    return lambda mechanism, indices: orders(mechanism, indices) if rv(mechanism).discs == 1 else ()
 
 
 def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """Constant where two or more discs balance."""
     unit = rv(mechanism)
-    return (unit.cranks * fundamental_orders(unit)["bearing"],) if unit.discs == 1 else ()
+    return (unit.cranks * fundamental_orders(unit)["bearing"],)
 
 
 def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """Constant where two or more discs balance."""
-    if rv(mechanism).discs > 1:
-        return ()
     return pin_wave_orders(mechanism, {}) if indices["crank"] == "all" else bore_orders(mechanism, {})
 
 
 SOURCES = (
     Source(
         CARRIER_BORE, carrier_bore_position, (CRANK,),
-        lengths(30, "radial", "tangential"), "carrier", _bore_orders, "000, delta_41; 004",
+        lengths(30, "radial", "tangential"), "carrier", _with_one_disc(bore_orders), "000, delta_41; 004",
         "displacement of one crank bore in the carrier",
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the force on the bore does",
@@ -171,7 +163,7 @@ SOURCES = (
     ),
     Source(
         BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
-        "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4",
+        "bearing", _with_one_disc(_clearance_orders), "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",
@@ -180,14 +172,15 @@ SOURCES = (
     Source(
         "coupling.bearing_compliance", bearing_compliance, (or_all("crank", lambda unit: range(unit.cranks)),),
         compliances(3, "compliance"),
-        "bearing", _compliance_orders, "001, K x = F + E", "crank bearing in the carrier softer than nominal",
+        "bearing", _with_one_disc(_compliance_orders), "001, K x = F + E",
+        "crank bearing in the carrier softer than nominal",
         needs=("torque",), tried=False,
         equation=r"$\delta = -e\, f_j$",
         hidden="the force on a bore is constant in the carrier",
     ),
     Source(
         "coupling.carrier_runout", carrier_runout, (), lengths(50, "x", "y"),
-        "carrier", _runout_orders, "001, table 3", "bore circle against the carrier's axis",
+        "carrier", _with_one_disc(leads("carrier")), "001, table 3", "bore circle against the carrier's axis",
         equation=r"$\delta = -C(\theta)\,(x, y)$",
         hidden="the forces on all bores cancel",
         starts=around(0.17),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,15 +39,6 @@ PIN_POSITION, PIN_CIRCLE, DISC_BORE = "cycloid.pin_position", "cycloid.pin_circl
 DISC_PITCH, DISC_LOBE = "cycloid.disc_pitch", "cycloid.disc_lobe"
 
 
-@dataclass(frozen=True)
-class PinContacts:
-    """Pin contacts of every disc: `normal` and `point` (discs, pins, 2, n), `arm` (discs, pins, n)."""
-
-    normal: Array
-    arm: Array
-    point: Array
-
-
 def pin_positions(reducer: Reducer) -> Array:
     """Angles of the pins on the pin circle, 2 pi i / z_p, rad.
 
@@ -63,7 +53,7 @@ def pin_positions(reducer: Reducer) -> Array:
     return 2 * np.pi * np.arange(reducer.pins) / reducer.pins
 
 
-def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
+def pin_contacts(reducer: Reducer, eccentric: Array) -> tuple[Array, Array, Array]:
     """Contact normals, arms and contact points, from the disc's centre, of all pins on all discs.
 
     The pitch circles, of radius a z_c on the disc and a z_p in the housing, touch at the pitch point P, a z_p along the
@@ -78,7 +68,7 @@ def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
 
     Returns
     -------
-    PinContacts
+    normal, arm, point : ndarray, shape (discs, pins, 2, n), (discs, pins, n), (discs, pins, 2, n)
         Normals point from the pin into the disc.
 
     Notes
@@ -95,7 +85,7 @@ def pin_contacts(reducer: Reducer, eccentric: Array) -> PinContacts:
     point = reducer.pin_radius * normal
     point += pin
     point -= reducer.eccentricity * along[:, None]
-    return PinContacts(normal, arm, point)
+    return normal, arm, point
 
 
 def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
@@ -261,22 +251,6 @@ def _root(reducer: Reducer, roll_angle: Array) -> Array:
     """Distance from pin to pitch point over the pin circle's radius, sqrt(1 + K^2 - 2 K cos(phi))."""
     K = reducer.short_width_coefficient
     return np.asarray(np.sqrt(1 + K**2 - 2 * K * np.cos(roll_angle)), dtype=np.float64)
-
-
-def pressure_angle(contacts: Contacts) -> Array:
-    """Angle between each contact normal and the motion of the contact point about the disc centre (n13 . n23 of 000).
-
-    Parameters
-    ----------
-    contacts : Contacts
-
-    Returns
-    -------
-    ndarray, shape (discs, pins, n)
-        Acute angle, rad.
-    """
-    along = np.abs(dot(contacts.pin_normal, contacts.pin_behind))
-    return np.asarray(np.arccos(np.clip(along, 0, 1)), dtype=np.float64)
 
 
 def pin_forces(contacts: Contacts) -> Array:

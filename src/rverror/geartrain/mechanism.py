@@ -331,9 +331,6 @@ class Reducer(Checked, Viewed):
         Rated output torque, N*mm.
     spline_radius : float, optional
         Pitch radius of the planet-to-crank spline, mm; needed only for ``involute.spline_clearance``.
-    crank_circle_radius : float, optional
-        Radius of the circle through the crank axes, mm.  It is the centre distance module * (z1 + z2) / 2; a value
-        that differs is refused.
     output : str
         ``"carrier"``, with the housing held, or ``"housing"``, with the carrier held.
     name : str
@@ -351,7 +348,7 @@ class Reducer(Checked, Viewed):
     Examples
     --------
     >>> unit = reducer("RV-40E")
-    >>> unit.ratio, unit.crank_circle_radius
+    >>> unit.ratio, unit.crank_radius
     (121.0, 27.0)
     """
 
@@ -375,12 +372,11 @@ class Reducer(Checked, Viewed):
     inertia: Inertia = field(default_factory=Inertia)
     rated_torque: float | None = field(default=None, metadata=quantity("torque", "412 N*m", above=0.0))
     spline_radius: float | None = field(default=None, metadata=quantity("length", "7 mm", above=0.0))
-    crank_circle_radius: float | None = field(default=None, metadata=quantity("length", "27 mm", above=0.0))
     output: str = OUTPUTS[0]
     name: str = "custom"
 
     def __post_init__(self) -> None:
-        """Convert to mm and rad, derive the crank circle, check the geometry."""
+        """Convert to mm and rad, check the geometry."""
         if self.output not in OUTPUTS:
             raise ValueError(f"output = {self.output!r}: must be one of {', '.join(map(repr, OUTPUTS))}")
         super().__post_init__()
@@ -399,24 +395,15 @@ class Reducer(Checked, Viewed):
                 "discs = 1 with cranks = 2: the crank linkage passes dead centres, where it can carry no torque; "
                 "use discs = 2 or cranks = 3"
             )
-        self._check_centre_distance()
+        self._check_crank_circle()
         self._check_profile()
 
-    def _check_centre_distance(self) -> None:
-        derived = self.module * (self.sun_teeth + self.planet_teeth) / 2
-        given = self.crank_circle_radius
-        if given is None:
-            object.__setattr__(self, "crank_circle_radius", derived)
-        elif abs(given - derived) > 1e-6 * derived:
-            raise ValueError(
-                f"crank_circle_radius = {given:g} mm: must equal the centre distance module * (z1 + z2) / 2 = "
-                f"{derived:g} mm; leave it out or change the module"
-            )
+    def _check_crank_circle(self) -> None:
         inner = self.pin_circle_radius - self.pin_radius - 2 * self.eccentricity
-        if derived >= inner:
+        if self.crank_radius >= inner:
             raise ValueError(
-                f"module = {self.module:g} mm: the crank circle of {derived:g} mm must lie inside the root circle "
-                f"of {inner:g} mm; use a smaller module or a larger pin circle"
+                f"module = {self.module:g} mm: the crank circle of {self.crank_radius:g} mm must lie inside the root "
+                f"circle of {inner:g} mm; use a smaller module or a larger pin circle"
             )
 
     def _check_profile(self) -> None:
@@ -465,9 +452,8 @@ class Reducer(Checked, Viewed):
 
     @property
     def crank_radius(self) -> float:
-        """r6, radius of the circle through the crank axes, mm."""
-        assert self.crank_circle_radius is not None  # set in __post_init__
-        return self.crank_circle_radius
+        """r6, radius of the circle through the crank axes: the centre distance m (z1 + z2) / 2, mm."""
+        return self.module * (self.sun_teeth + self.planet_teeth) / 2
 
     @property
     def sun_pitch_radius(self) -> float:
@@ -640,8 +626,6 @@ def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
     for key in overrides:
         if key not in known:
             raise ValueError(f"no reducer parameter {key!r};{did_you_mean(key, known)} they are {', '.join(known)}")
-    if "crank_circle_radius" not in overrides and {"module", "sun_teeth", "planet_teeth"} & overrides.keys():
-        parameters["crank_circle_radius"] = None  # the preset's value belongs to the preset's gears
     given = parameters | overrides
     nowhere = dataclasses.MISSING
     missing = [

@@ -370,7 +370,6 @@ def _reducer_text(unit: Reducer) -> str:
     if unit.name in presets():
         base = reducer(unit.name)
         changed = {name: value for name, value in values.items() if value != getattr(base, name)}
-        changed.pop("crank_circle_radius", None)  # follows from the module and the teeth
         if None not in changed.values() and reducer(unit.name, **changed) == unit:
             return _reducer_table({"preset": unit.name, **changed})
     return _reducer_table({name: value for name, value in values.items() if value is not None})

@@ -260,8 +260,8 @@ def _labels(effects: Sequence[Effect]) -> list[str]:
 
 def case_npz(case: SolvedCase) -> bytes:
     """Bytes of ``case.npz``, the same for the same arrays."""
-    whole = io.BytesIO()
-    np.savez(whole, **case.arrays)
+    whole, arrays = io.BytesIO(), dict[str, Any](case.arrays)
+    np.savez(whole, **arrays)
     return whole.getvalue()
 
 

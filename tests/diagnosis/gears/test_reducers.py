@@ -127,9 +127,9 @@ def test_a_pin_and_its_opposite_one_are_named_together() -> None:
 
 def test_a_ratio_whose_turns_do_not_close_needs_one_turn_only() -> None:
     """Ratio 44.2: all parts stand as before after five turns, all but the sun after one."""
-    odd = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+    odd = replace(UNIT, sun_teeth=10, module=54 / 37)
     assert odd.exact_ratio.denominator == 5
-    other = replace(OTHER, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+    other = replace(OTHER, sun_teeth=10, module=54 / 37)
     found = rverror.diagnose(Model(odd), runs_of(Model(other, (CAM,)), ratio=odd.ratio))
     assert found.verdict == "explained"
     the_cam_is_named(found)

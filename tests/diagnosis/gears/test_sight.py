@@ -21,7 +21,7 @@ from rverror.diagnosis.policy import POLICY
 from rverror.model.effects import Model
 
 #: Ratio 44.2: all but the sun stand as before after one turn of the output, the sun after five.
-ODD = replace(UNIT, sun_teeth=10, module=54 / 37, crank_circle_radius=None)
+ODD = replace(UNIT, sun_teeth=10, module=54 / 37)
 
 
 def wave_of(grid: AngleGrid, error: Array) -> Waveform:
