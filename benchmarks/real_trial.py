@@ -33,9 +33,9 @@ from typing import Any  # noqa: E402
 import numpy as np  # noqa: E402
 from real_bench.judging import OUTSIDE, causes, loud, named_sets, outcome, sizes_inside, stiffness_inside  # noqa: E402
 from real_bench.units import FAMILIES, choose, make  # noqa: E402
+from rverror.base.memory import keep_freed_memory  # noqa: E402
 
 import rverror  # noqa: E402
-from rverror.base.memory import keep_freed_memory  # noqa: E402
 from rverror.diagnosis.policy import POLICY, Policy  # noqa: E402
 
 OUTCOMES = ("right", "false", "wrong", "wide", "missed", "line", "poor", "failed")

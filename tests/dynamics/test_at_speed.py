@@ -51,12 +51,12 @@ def deviation(found: rverror.dynamics.SpeedResponse) -> np.ndarray:
     return found.transmission_error - found.crawl
 
 
-def moving(model: Model, *, torque: float, count: int, direction: float = 1.0) -> tuple[LoadedMotion, list[Settled]]:
+def moving(model: Model, *, torque: float, count: int, direction: float = 1.0) -> tuple[LoadedMotion, Settled]:
     """A train in motion, and its contacts as the housing sees them."""
     assert isinstance(model.mechanism, rverror.Reducer)
     theta = 2 * math.pi * np.arange(count) / count
     where = pose(model.mechanism, theta, torque=torque, direction=direction)
-    tangents = list(statics_of(model.mechanism, where).solutions(model.effects))
+    tangents = statics_of(model.mechanism, where).settled(model.effects)
     return loaded_motion(Train(model.mechanism, model.bench), tangents, theta, 2 * math.pi), tangents
 
 
@@ -147,7 +147,7 @@ def test_newtons_law_holds_in_the_housing(direction: float) -> None:
     # a heavy load would have most of the answer, of which each part is found to 1e-7
     bench = replace(BOTH_ENDS, damping_ratio=0.0, load_inertia=5.0)
     model, speed = Model(SMALL, ERRORS, bench=bench), direction * 0.4
-    whole, (tangent,) = moving(model, torque=3e5, count=1024, direction=direction)
+    whole, tangent = moving(model, torque=3e5, count=1024, direction=direction)
     train, reduced = whole.train, whole.reduced(99)
     moved = reduced.response(speed)
     y = reduced.pose(moved, speed, slice(None))
@@ -184,7 +184,7 @@ def test_accelerations_in_the_frames_are_those_in_the_housing() -> None:
 
 def test_what_is_sped_up_is_the_whole_motion() -> None:
     """Force of inertia per rad/s^2: mass times how poses and nominal places move with the angle."""
-    whole, (tangent,) = moving(Model(SMALL, ERRORS, bench=BOTH_ENDS), torque=3e5, count=1024)
+    whole, tangent = moving(Model(SMALL, ERRORS, bench=BOTH_ENDS), torque=3e5, count=1024)
     train, reduced = whole.train, whole.reduced(99)
     rate = slope(nominal_centres(train, whole.theta) + train.pose(tangent.x).T, 1.0)
     turns = {"carrier": 1, "disc 0": 1, "disc 1": 1, "load": 1, "crank 0": -11, "crank 1": -11, "sun": 37, "input": 37}
@@ -198,7 +198,7 @@ def test_what_is_sped_up_is_the_whole_motion() -> None:
 
 def test_the_error_is_read_at_carrier_and_sun() -> None:
     model = Model(SMALL, ERRORS, bench=BOTH_ENDS)
-    whole, (tangent,) = moving(model, torque=3e5, count=512)
+    whole, tangent = moving(model, torque=3e5, count=512)
     reduced = whole.reduced(99)
     moved = reduced.response(2.0)
     y = reduced.pose(moved, 2.0, slice(None))
@@ -210,7 +210,7 @@ def test_the_error_is_read_at_carrier_and_sun() -> None:
 def test_waves_of_the_equilibrium_that_the_samples_do_not_hold_drive_nothing() -> None:
     """Halfway poses tell a wave above half the samples from the one that it looks like."""
     model, count = Model(SMALL, ERRORS), 128
-    fine, (tangent,) = moving(model, torque=1e5, count=8 * count)
+    fine, tangent = moving(model, torque=1e5, count=8 * count)
     coarse, tangents = moving(model, torque=1e5, count=count)
     whole = loaded_motion(coarse.train, tangents, coarse.theta, coarse.period, tangent.x[4::8])
     waves, folded, kept = (np.abs(np.fft.rfft(one)) / one.shape[-1] for one in (fine.state, coarse.state, whole.course))

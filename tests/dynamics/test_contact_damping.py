@@ -106,7 +106,7 @@ def contact_rates(train: Train, tangent: Settled, rates: np.ndarray) -> dict[str
 def test_a_cycle_swallows_pi_c_omega_times_the_square_of_every_closing() -> None:
     """Shaken at the load about one pose: work put in, pi F y sin(phase), is the sum over contacts."""
     train = Train(SMALL, UNLIKE)
-    (tangent,) = statics_of(SMALL, pose(SMALL, [0.3], torque=1e5, direction=1.0)).solutions(ERRORS)
+    tangent = statics_of(SMALL, pose(SMALL, [0.3], torque=1e5, direction=1.0)).settled(ERRORS)
     groups = train.stiffness(tangent)
     stiffness, damping = sum(groups.values())[0], train.damping(groups)[0]
     force = np.zeros(train.size)
@@ -127,9 +127,9 @@ def test_power_put_in_at_speed_is_what_contacts_swallow(direction: float) -> Non
     """All modes kept: force times rate, less what the turning stiffness takes, is c rate^2 of every contact."""
     count, speed = 1024, 0.8 * direction
     theta = 2 * math.pi * np.arange(count) / count
-    (tangent,) = statics_of(SMALL, pose(SMALL, theta, torque=3e5, direction=direction)).solutions(ERRORS)
+    tangent = statics_of(SMALL, pose(SMALL, theta, torque=3e5, direction=direction)).settled(ERRORS)
     train = Train(SMALL, UNLIKE)
-    reduced = loaded_motion(train, [tangent], theta, 2 * math.pi).reduced(99)
+    reduced = loaded_motion(train, tangent, theta, 2 * math.pi).reduced(99)
     moved = reduced.response(speed)
     rate = speed * slope(moved, 1.0)
     # rates in the frames of the parts, as the housing sees them

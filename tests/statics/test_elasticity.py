@@ -112,7 +112,7 @@ def test_a_single_contact_closes_by_its_law() -> None:
 def test_force_and_stiffness_are_slopes_of_the_energy(exponent: float, share: float) -> None:
     law = ContactLaw(pin_exponent=exponent, flank_exponent=exponent, profile_curvature=share)
     unit, rng = rverror.reducer("RV-40E", contact_law=law), np.random.default_rng(3)
-    (settled,) = statics(unit, 1.0, 100e3).solutions(errors(rng, size=20e-3))
+    settled = statics(unit, 1.0, 100e3).settled(errors(rng, size=20e-3))
     x = settled.x + rng.normal(0, 1e-3, settled.x.shape)
     way = rng.normal(0, 1e-3, x.shape)
     step = 1e-4

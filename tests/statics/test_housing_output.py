@@ -273,7 +273,7 @@ def test_the_suns_support_stands_on_what_is_held() -> None:
 def test_no_load_takes_off_the_whole_windup_of_its_trace(unit: Reducer) -> None:
     """Perfect parts without play stand where they should: the turn under the trace of load is windup alone."""
     unit = replace(unit, gear_backlash=0.0)
-    (found,) = statics_of(unit, Conditions(np.linspace(0.2, 5, 6), 1.0, torque=0.0)).solutions(())
+    found = statics_of(unit, Conditions(np.linspace(0.2, 5, 6), 1.0, torque=0.0)).settled(())
     windup = unit.output_turn * found.solution.x[:, 2]
     assert (np.abs(found.transmission_error) < 1e-6 * np.abs(windup)).all()
 

@@ -59,7 +59,7 @@ def settled(
     torque: float = TORQUE,
     start: np.ndarray | None = None,
 ) -> Settled:
-    (found,) = statics_of(unit, Conditions(theta, direction, torque)).solutions(effects, start, response=True)
+    found = statics_of(unit, Conditions(theta, direction, torque)).settled(effects, start, response=True)
     return found
 
 

@@ -41,9 +41,7 @@ def changed(one: Effect, at: int, step: float) -> Effect:
 @pytest.mark.parametrize(("unit", "beyond"), [(UNIT, 1e-8), (TURNED, 1e-7)], ids=["linear", "power law, turned pins"])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_carrier_follows_errors_by_their_influences(unit: rverror.Reducer, beyond: float, direction: float) -> None:
-    (solution,) = statics_of(unit, pose(unit, ANGLES, torque=100e3, direction=direction)).solutions(
-        ERRORS, response=True
-    )
+    solution = statics_of(unit, pose(unit, ANGLES, torque=100e3, direction=direction)).settled(ERRORS, response=True)
     told, influences = solution.pose_changes(ERRORS), solution.influences(ERRORS[:-1])
     np.testing.assert_allclose(
         told[:, 2, : len(influences)].T, influences, rtol=beyond, atol=1e-8 * np.abs(influences).max()
@@ -54,13 +52,13 @@ def test_the_carrier_follows_errors_by_their_influences(unit: rverror.Reducer, b
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_pose_follows_errors_as_solutions_with_a_little_more_do(direction: float) -> None:
     statics = statics_of(UNIT, pose(UNIT, ANGLES, torque=100e3, direction=direction))
-    told = next(statics.solutions(ERRORS)).pose_changes(ERRORS)
+    told = statics.settled(ERRORS).pose_changes(ERRORS)
     column = 0
     for place, one in enumerate(ERRORS):
         step = 2e-3 * max(map(abs, one.values))  # forces balance to 1e-9, so not too little
         for at in range(len(one.values)):
             low, high = (
-                next(statics.solutions((*ERRORS[:place], changed(one, at, sign * step), *ERRORS[place + 1 :]))).x
+                statics.settled((*ERRORS[:place], changed(one, at, sign * step), *ERRORS[place + 1 :])).x
                 for sign in (-1, 1)
             )
             found = (high - low) / (2 * step)

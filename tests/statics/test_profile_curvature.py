@@ -82,7 +82,7 @@ def test_forces_along_the_turned_normals_hold_each_disc() -> None:
 def test_each_pin_closes_with_the_normal_of_the_place_that_it_has_moved_to(torque: float) -> None:
     """p - kappa s^2 / 2, from the rows of straight normals and the pose that was found."""
     unit = rverror.reducer("RV-40E", contact_law=CURVED)
-    (found,) = statics_of(unit, Conditions(np.linspace(0, 1, 60), 1.0, torque)).solutions(ERRORS)
+    found = statics_of(unit, Conditions(np.linspace(0, 1, 60), 1.0, torque)).settled(ERRORS)
     rows, where = found.contacts.pin_rows, found.x[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
     across = np.stack([-rows[:, :, 1], rows[:, :, 0], found.contacts.profile_lever], axis=2)
     into, along = (np.einsum("nkc,nkcp->nkp", where, one) for one in (rows, across))

@@ -114,11 +114,8 @@ def test_a_turn_gives_back_what_it_takes() -> None:
     change = -ARM.mass * ARM.gravity * ARM.lever * np.sin(theta - ARM.offset) - 8e5 * np.sin(40 * theta)
 
     def least(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        parts = list(statics_of(UNIT, rverror.geartrain.Conditions(at, 1.0, load=load)).solutions(ERRORS))
-        return tuple(
-            np.concatenate(rows)
-            for rows in zip(*[(p.solution.energy, p.transmission_error) for p in parts], strict=True)
-        )
+        found = statics_of(UNIT, rverror.geartrain.Conditions(at, 1.0, load=load)).settled(ERRORS)
+        return found.solution.energy, found.transmission_error
 
     by_input = np.mean(least(theta + h)[0] - least(theta - h)[0]) * 2 * np.pi / (2 * h)
     by_load = np.mean(least(theta)[1] * change) * 2 * np.pi

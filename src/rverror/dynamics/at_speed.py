@@ -287,7 +287,7 @@ def speed_response(
     rows, direction = _speeds(input_speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
-    pulling = _Pulling(moving, made.solutions)
+    pulling = _Pulling(moving, made.settled)
     crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
     errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
     per_square: Array | None = None  # what is driven grows with the square of the speed
@@ -401,28 +401,24 @@ class _Pulling:
     """How closed contacts are loaded as the parts move, at some of the angles."""
 
     moving: ReducedMotion
-    states: Sequence[Settled]
+    state: Settled
 
     @cached_property
     def _contacts(self) -> tuple[tuple[Array, Array], ...]:
         """Rows of pins and flanks, (n, contacts, size), times their stiffness, and forces at rest, (n, contacts)."""
         train = self.moving.whole.train
-        made: tuple[list[Array], ...] = ([], [], [], [])
-        for state in self.states:  # each but the last has a whole number of strides
-            pressed, closing = state.solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
-            rows = np.zeros((*pressed.shape, train.size))
-            for k in range(pressed.shape[1]):
-                first = train.place(f"disc {k}")[0]
-                rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2)
-            rows *= pressed[..., None]
-            flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
-            force, _ = state.split(state.solution.row_force)
-            parts = (rows, state.solution.pin_force[::_EVERY], flanks, force[::_EVERY])
-            for whole, part in zip(made, parts, strict=True):
-                whole.append(part)
-        pins, pin_force, flanks, flank_force = map(np.concatenate, made)
-        n = len(pins)
-        return (pins.reshape(n, -1, train.size), pin_force.reshape(n, -1)), (flanks, flank_force)
+        state = self.state
+        pressed, closing = state.solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
+        rows = np.zeros((*pressed.shape, train.size))
+        for k in range(pressed.shape[1]):
+            first = train.place(f"disc {k}")[0]
+            rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2)
+        rows *= pressed[..., None]
+        flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
+        force, _ = state.split(state.solution.row_force)
+        n = len(rows)
+        pins = rows.reshape(n, -1, train.size), state.solution.pin_force[::_EVERY].reshape(n, -1)
+        return pins, (flanks, force[::_EVERY])
 
     def shares(self, moved: Array, speed: float) -> dict[str, float]:
         """Largest share of the force with which closed pins, and flanks, would have to pull."""

@@ -7,7 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -233,15 +233,15 @@ class ReducedMotion:
 
 
 def loaded_motion(
-    train: Train, states: Sequence[Settled], theta: Array, period: float, between: Array | None = None
+    train: Train, settled: Settled, theta: Array, period: float, between: Array | None = None
 ) -> LoadedMotion:
     """Loaded state and stiffness in the frames of the parts.
 
     Parameters
     ----------
     train : Train
-    states : sequence of Settled
-        Of all angles, stretch by stretch.
+    settled : Settled
+        At all angles.
     theta : ndarray, shape (n,)
         Those angles, evenly over one period.
     period : float
@@ -253,19 +253,13 @@ def loaded_motion(
     -------
     LoadedMotion
     """
-    state = in_frames(train, train.pose(np.concatenate([one.x for one in states])).T, theta)
-    stops = np.cumsum([0, *(len(one.x) for one in states)])
-    parts = zip(states, np.split(theta, stops[1:-1]), strict=True)
-    stiffness: list[Array] = []
-    damping: list[Array] = []
-    for one, angle in parts:
-        groups = train.stiffness(one)
-        stiffness.append(_turned(train, _summed(groups), angle))
-        if train.bench.damping_times:
-            damping.append(_turned(train, np.broadcast_to(train.damping(groups), stiffness[-1].shape), angle))
+    state = in_frames(train, train.pose(settled.x).T, theta)
+    groups = train.stiffness(settled)
+    stiffness, damping = _turned(train, _summed(groups), theta), None
+    if train.bench.damping_times:
+        damping = _turned(train, np.broadcast_to(train.damping(groups), stiffness.shape), theta)
     course = state if between is None else held_waves(train, state, between, theta, period)
-    by_contact = np.concatenate(damping) if damping else None
-    return LoadedMotion(train, theta, period, state, course, np.concatenate(stiffness), by_contact)
+    return LoadedMotion(train, theta, period, state, course, stiffness, damping)
 
 
 def held_waves(train: Train, state: Array, between: Array, theta: Array, period: float) -> Array:

@@ -45,8 +45,8 @@ class MovingReducer:
     frequency : ndarray, shape (size,)
         Of the mean stiffness, Hz.
     of_sun_support : ndarray of bool, shape (size,)
-    solutions, halfway : sequence of Settled
-        Loaded state at these angles and half a step further on, stretch by stretch.
+    settled, halfway : Settled
+        Loaded state at these angles and half a step further on.
     """
 
     unit: Reducer
@@ -57,8 +57,8 @@ class MovingReducer:
     motion: ReducedMotion
     frequency: Array
     of_sun_support: npt.NDArray[np.bool_]
-    solutions: Sequence[Settled]
-    halfway: Sequence[Settled]
+    settled: Settled
+    halfway: Settled
 
     @property
     def theta(self) -> Array:
@@ -83,9 +83,7 @@ class MovingReducer:
         yield from self._shares(tuple(batch))
 
     def _shares(self, effects: tuple[Effect, ...]) -> Iterator[Share]:
-        at, between = (
-            np.concatenate([part.pose_changes(effects) for part in parts]) for parts in (self.solutions, self.halfway)
-        )
+        at, between = (one.pose_changes(effects) for one in (self.settled, self.halfway))
         whole = self.motion.whole
         for number in range(at.shape[2]):
             state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
@@ -142,16 +140,15 @@ def moving_reducer(
         stand(model, pose(unit, angle, torque=load, direction=direction)) for angle in (theta, theta + theta[1] / 2)
     )
     train = Train(unit, model.bench)
-    solutions, halfway = (list(statics_of(unit, one.gears).solutions(model.effects)) for one in (where, between))
-    poses = np.concatenate([one.x for one in halfway])
-    whole = loaded_motion(train, solutions, where.gears.theta, 2 * math.pi * period, poses)
+    settled, halfway = (statics_of(unit, one.gears).settled(model.effects) for one in (where, between))
+    whole = loaded_motion(train, settled, where.gears.theta, 2 * math.pi * period, halfway.x)
     frequency, on_support = whole.mean_modes()
     if kept is None:
         driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
         first = int(np.flatnonzero((frequency > 0) & ~on_support)[0])
         kept = max(int((frequency <= REACH * driven).sum()), first + 1)
     motion = whole.reduced(max(kept, 1))
-    return MovingReducer(unit, size, direction, period, where, motion, frequency, on_support, solutions, halfway)
+    return MovingReducer(unit, size, direction, period, where, motion, frequency, on_support, settled, halfway)
 
 
 def _period(effects: Sequence[Effect], unit: Reducer) -> int:

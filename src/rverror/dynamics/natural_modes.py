@@ -115,7 +115,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     angle = units.to_core(theta, "angle")
     train = Train(unit, model.bench)
     where = stand(model, pose(unit, [angle], torque=units.InCore(size), direction=direction)).gears
-    (state,) = statics_of(unit, where).solutions(model.effects)
+    state = statics_of(unit, where).settled(model.effects)
     groups = {name: matrix[0] for name, matrix in train.stiffness(state).items()}
     root = np.sqrt(train.mass)
     value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))

@@ -313,13 +313,11 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     side = math.copysign(1.0, carried) if carried else -along
     read = pose(unit, theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
     under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
-    found = []
-    for settled in statics_of(unit, under).solutions(felt(model.effects), response=True):
-        yields = -along * settled.solution.pose_change
-        sliding = (_slide_rows(settled.contacts) @ yields[..., None])[..., 0]
-        change = unit.output_turn * (_slid(settled, by * np.sign(sliding)).solution.x - settled.solution.x)[:, 2]
-        found.append(settled.transmission_error + change)
-    return np.concatenate(found) + added(model.effects, read)
+    settled = statics_of(unit, under).settled(felt(model.effects), response=True)
+    yields = -along * settled.solution.pose_change
+    sliding = (_slide_rows(settled.contacts) @ yields[..., None])[..., 0]
+    change = unit.output_turn * (_slid(settled, by * np.sign(sliding)).solution.x - settled.solution.x)[:, 2]
+    return settled.transmission_error + change + added(model.effects, read)
 
 
 def _reducer(model: Model) -> Reducer:
@@ -473,18 +471,15 @@ def _in_equilibrium(
 ) -> tuple[Array, dict[str, Array], Array]:
     """Torque at the input, losses, and change of the error; the motion is along the load's, or against it."""
     unit, by = _reducer(model), _coefficients(_reducer(model), friction)
-    found: list[tuple[Array, Array, Array]] = []
-    for settled in statics_of(_straight(model).mechanism, under).solutions(felt(model.effects)):
-        where = settled.contacts.motion
-        sliding = sign * _nominal_sliding(where)
-        rub = by * np.sign(sliding)
-        slid = _slid(settled, rub)
-        trace = 0.0 if under.torque else np.abs(settled.problem.load[:, 2] / float(unit.exact_carrier_ratio))
-        at_sun = _sun_torque(unit, rub, _pressing(slid)) * where.sense - trace
-        change = unit.output_turn * (slid.solution.x - settled.solution.x)[:, 2]
-        found.append((at_sun, (rub * sliding * _pressing(slid)).T, change))
-    at_input, lost, change = (np.concatenate(one, axis=-1) for one in zip(*found, strict=True))
-    return at_input, _losses(unit, lost.T), change
+    settled = statics_of(_straight(model).mechanism, under).settled(felt(model.effects))
+    where = settled.contacts.motion
+    sliding = sign * _nominal_sliding(where)
+    rub = by * np.sign(sliding)
+    slid = _slid(settled, rub)
+    trace = 0.0 if under.torque else np.abs(settled.problem.load[:, 2] / float(unit.exact_carrier_ratio))
+    at_sun = _sun_torque(unit, rub, _pressing(slid)) * where.sense - trace
+    change = unit.output_turn * (slid.solution.x - settled.solution.x)[:, 2]
+    return at_sun, _losses(unit, rub * sliding * _pressing(slid)), change
 
 
 def _pressing(state: Settled) -> Array:

@@ -10,9 +10,8 @@ sharply curved.  `ContactLaw.profile_curvature` lets pins follow it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,9 +38,6 @@ from rverror.statics.energy import (
 if TYPE_CHECKING:
     from rverror.statics.kernel import Problem, Solution
 
-T = TypeVar("T")
-
-_AT_ONCE = 4096  # angles solved together, and kept for the next solution: bounds the memory
 _NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness times pin circle radius squared
 
 
@@ -199,19 +195,6 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, C
     return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
 
 
-def _joined(parts: Sequence[T]) -> T:
-    """Arrays of all stretches along their last axis, and mappings and records of them."""
-    first: Any = parts[0]
-    if len(parts) == 1 or first is None:  # told by who asked for it
-        return parts[0]
-    if isinstance(first, Mapping):
-        return cast(T, {key: _joined([cast(Any, one)[key] for one in parts]) for key in first})
-    if is_dataclass(first):
-        same = {item.name: _joined([getattr(one, item.name) for one in parts]) for item in fields(first)}
-        return cast(T, replace(cast(Any, first), **same))
-    return cast(T, np.concatenate(cast(Any, parts), axis=-1))
-
-
 def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
     """Prepare what a reducer's statics need whatever the errors are, for many solutions along one motion.
 
@@ -276,7 +259,7 @@ class Statics:
 
     Attributes
     ----------
-    whole : Geometry
+    contacts : Geometry
         Of the motion, whatever errors and stiffnesses are.
     reducer : Reducer
         Whose stiffness, backlash and contact law count.
@@ -286,7 +269,7 @@ class Statics:
         Angles of the bench where they are not the gear's, rad.
     """
 
-    whole: Geometry
+    contacts: Geometry
     reducer: Reducer
     torque: float | Array
     read_at: Array | None = None
@@ -294,20 +277,7 @@ class Statics:
     @property
     def motion(self) -> Contacts:
         """Nominal motion."""
-        return self.whole.motion
-
-    def _stretches(self) -> Iterator[Geometry]:
-        """Geometry of one stretch of angles after another; that of few angles is kept."""
-        whole = self.motion
-        if whole.theta.size <= _AT_ONCE:
-            yield self.whole
-            return
-        for first in range(0, whole.theta.size, _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            load = None if whole.load is None else whole.load[part]
-            where = motion(whole.reducer, Conditions(whole.theta[part], whole.direction[part], whole.torque, load=load))
-            assert isinstance(where, Contacts)
-            yield Geometry(where)
+        return self.contacts.motion
 
     def elastic(self, reducer: Reducer) -> Statics:
         """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
@@ -332,14 +302,8 @@ class Statics:
         check_same_geometry(self.reducer, reducer)
         return replace(self, reducer=reducer)
 
-    def solutions(
-        self,
-        effects: tuple[Effect, ...],
-        start: Array | None = None,
-        *,
-        response: bool = False,
-    ) -> Iterator[Settled]:
-        """Settled poses of one stretch of angles after another.
+    def settled(self, effects: tuple[Effect, ...], start: Array | None = None, *, response: bool = False) -> Settled:
+        """Settled pose at every angle.
 
         Parameters
         ----------
@@ -349,8 +313,8 @@ class Statics:
         response : bool
             Whether changes per unit of output torque are wanted.
 
-        Yields
-        ------
+        Returns
+        -------
         Settled
 
         Raises
@@ -358,55 +322,39 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        first, acting, idle = 0, felt(effects), not isinstance(self.torque, np.ndarray) and not self.torque
+        idle = not isinstance(self.torque, np.ndarray) and not self.torque
         torque = carried_torque(self.reducer, self.torque)
-        for contacts in self._stretches():
-            last = first + contacts.motion.theta.size
-            here = torque[first:last] if isinstance(torque, np.ndarray) else torque
-            try:
-                problem = loaded_problem(contacts, self.reducer, acting, here, response=response or idle)
-            except ValueError as error:
-                raise NotConvergedError(str(error)) from error
-            near = None if start is None else start[first:last]
-            solution = solve(problem, near=near, response=response or idle)
-            check_found(solution, contacts.motion.theta, idle=idle)
-            settled = Settled(contacts, self.reducer, problem, solution)
-            yield settled.unloaded() if idle else settled
-            first = last
+        try:
+            problem = loaded_problem(self.contacts, self.reducer, felt(effects), torque, response=response or idle)
+        except ValueError as error:
+            raise NotConvergedError(str(error)) from error
+        solution = solve(problem, near=start, response=response or idle)
+        check_found(solution, self.motion.theta, idle=idle)
+        found = Settled(self.contacts, self.reducer, problem, solution)
+        return found.unloaded() if idle else found
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""
-        found = _joined(
-            [
-                Prediction(
-                    part.transmission_error,
-                    part.influences(effects),
-                    np.ascontiguousarray(part.solution.softening.T),
-                    part.solution.x.T,
-                )
-                for part in self.solutions(effects, start, response=True)
-            ]
-        )
-        assert found.poses is not None
-        return replace(found, poses=found.poses.T)
+        found = self.settled(effects, start, response=True)
+        softening = np.ascontiguousarray(found.solution.softening.T)
+        return Prediction(found.transmission_error, found.influences(effects), softening, found.solution.x)
 
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque."""
-        return _joined([part.forces_per_torque() for part in self.solutions(effects, start, response=True)])
+        return self.settled(effects, start, response=True).forces_per_torque()
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        return self._read([part.equilibrium() for part in self.solutions(effects)], effects)
+        return self._read(self.settled(effects), effects)
 
     def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
         """`linearise` for these errors."""
-        parts = list(self.solutions(effects, response=True))
-        state = self._read([part.equilibrium() for part in parts], effects)
-        return Linearisation(state, self.motion, _joined([part.forces_per_torque() for part in parts]))
+        found = self.settled(effects, response=True)
+        return Linearisation(self._read(found, effects), self.motion, found.forces_per_torque())
 
-    def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
-        """States of all stretches as one, as they are read."""
-        state = _joined(parts)
+    def _read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
+        """State as it is read."""
+        state = found.equilibrium()
         read = self.motion if self.read_at is None else self.motion.at(self.read_at)
         turned = state.transmission_error + added(effects, read)
         return replace(state, transmission_error=turned, theta=read.theta)
@@ -460,7 +408,7 @@ def check_found(solution: Solution, theta: Array, *, idle: bool) -> None:
 
 @dataclass(frozen=True)
 class Settled(OneLine):
-    """Settled pose of one stretch of angles, its contacts, and what it was found with.
+    """Settled pose at n angles, its contacts, and what it was found with.
 
     Attributes
     ----------

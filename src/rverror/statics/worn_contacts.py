@@ -636,7 +636,7 @@ def _states(
         rate, force, swing = wearing.nothing(), 0.0, 0.0
         errors = (*effects, *wearing.effects(wearing.lost(x)))
         for at, (one, turn, told) in enumerate(parts):
-            (settled,) = one.solutions(errors, near[at])
+            settled = one.settled(errors, near[at])
             near[at], state = settled.x, settled.equilibrium()
             rate = rate.plus(wearing.rate(one, state), turn)
             force = max(force, float(pressing(state)["pin"].max()))
