@@ -28,6 +28,7 @@ Orders = Callable[[Mechanism, Indices], tuple[float, ...]]
 
 _ACTS = frozenset({"contacts", "output", "reading", "marks"})
 _FOLLOWS = frozenset({"angle", "time", "speed"})
+_OF_RUNS = frozenset({"time", "torque"})  # that a source may need
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
 _CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "direction"})
 
@@ -207,17 +208,15 @@ class Source:
     def __post_init__(self) -> None:
         """Check the words among the fields: a misspelt one would silently mean something else."""
         geometry = {field.name for field in fields(Reducer)}
-        for name, given, allowed in (
-            ("acts", (self.acts,), _ACTS),
-            ("follows", (self.follows,), _FOLLOWS),
-            ("needs", self.needs, {"time", "torque"} | geometry),
+        for name, words, known, more in (
+            ("acts", (self.acts,), _ACTS, set()),
+            ("follows", (self.follows,), _FOLLOWS, set()),
+            ("needs", self.needs, _OF_RUNS, geometry),
         ):
-            for word in given:
-                if word not in allowed:
-                    of_reducer = geometry if name == "needs" else set()
-                    known = ", ".join(sorted(allowed - of_reducer))
-                    more = " or a parameter of a reducer" if of_reducer else ""
-                    raise ValueError(f"{self.key}: {name} = {word!r}; it must be one of {known}{more}")
+            if wrong := [word for word in words if word not in known | more]:
+                other = " or a parameter of a reducer" if more else ""
+                told = ", ".join(sorted(known))
+                raise ValueError(f"{self.key}: {name} = {wrong[0]!r}; it must be one of {told}{other}")
 
     @property
     def is_cause(self) -> bool:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import overload
 
 import numpy as np
 
@@ -20,28 +18,20 @@ _SENSES = ("alike", "opposite")
 _MOST = 1000
 
 
-class _Orders(Sequence[IndexValue]):
-    """Any order above 0: a whole number below a thousand, as listed, or the text of any."""
-
-    def __len__(self) -> int:
-        return _MOST - 1
-
-    @overload
-    def __getitem__(self, at: int) -> IndexValue: ...
-    @overload
-    def __getitem__(self, at: slice) -> Sequence[IndexValue]: ...
-    def __getitem__(self, at: int | slice) -> IndexValue | Sequence[IndexValue]:
-        return range(1, _MOST)[at]
+class _Orders(list[IndexValue]):
+    """Whole orders, as listed, and any other above 0 as its text."""
 
     def __contains__(self, value: object) -> bool:
+        """Whether a value is one of them."""
+        if not isinstance(value, str):
+            return super().__contains__(value)
         try:
-            number = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+            return 0 < float(value) < math.inf
+        except ValueError:
             return False
-        return 0 < number < (_MOST if isinstance(value, int) else math.inf)
 
 
-_ORDERS = _Orders()
+_ORDERS = _Orders(range(1, _MOST))
 
 
 def wave(pose: Pose, *, order: IndexValue, sense: str) -> ErrorVector:

@@ -44,7 +44,6 @@ _TABLES: Mapping[str, type[Checked]] = {
     "inertia": Inertia,
 }
 _SIZES = quantities(Reducer)
-_REQUIRED = tuple(f.name for f in dataclasses.fields(Reducer) if f.default is f.default_factory is dataclasses.MISSING)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
@@ -235,16 +234,8 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
             values[key] = _made(where, at, value, _TABLES[key], base)
         elif key != "preset":
             values[key] = where.string(place, table, key, "")
-    if preset is None:
-        missing = [key for key in _REQUIRED if key not in values]
-        if missing:
-            where.refuse(
-                place,
-                f"[reducer] lacks {', '.join(missing)}; give {'them' if len(missing) > 1 else 'it'} or a preset, "
-                f"one of {', '.join(presets())}",
-            )
     try:
-        return Reducer(**values) if preset is None else reducer(preset, **values)
+        return reducer(preset, **values)
     except ValueError as error:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
@@ -319,17 +310,8 @@ def _effect(where: TomlText, place: Place, value: object, mechanism: Mechanism) 
             where.quantity(at, item, dimension, _example(name, dimension))
             named[name] = item
         elif name in indices:
-            if isinstance(item, bool) or not isinstance(item, (int, str)):
-                where.refuse(at, f"{key}: {name} = {shown(item)}: must be a whole number or a name, without unit")
             named[name] = item
     named["origin"] = where.string(place, table, "origin", "")
-    if not parameters.keys() & table.keys():
-        first = entry.parameters[0]
-        where.refuse(
-            place,
-            f"{key} has no size; give {' or '.join(parameters)}, like "
-            f'{first.name} = "{_example(first.name, first.dimension)}"',
-        )
     try:
         entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
         return effect(key, **named)
