@@ -154,6 +154,16 @@ class ErrorVector:
         return dot(self.vector, directions)
 
 
+def output_terms(*terms: Array) -> ErrorVector:
+    """Terms that turn the output or its reading, each of shape (n,)."""
+    return ErrorVector(contact="output", vector=np.stack(terms)[:, None])
+
+
+def output_wave(angle: Array, size: Array | float = 1.0) -> ErrorVector:
+    """Cosine and sine of an angle, of a size, that turn the output or its reading."""
+    return output_terms(size * np.cos(angle), size * np.sin(angle))
+
+
 @dataclass(frozen=True, kw_only=True)
 class ErrorWaves:
     """Error of two terms, cos and sin of a harmonic of some phase along one direction at each contact.

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from rverror.geartrain.action_line import ErrorVector
+from rverror.geartrain.action_line import ErrorVector, output_wave
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Index, IndexValue, Indices, Source, angles
@@ -56,9 +54,7 @@ def wave(pose: Pose, *, order: IndexValue, sense: str) -> ErrorVector:
     Runs of a unit that is compensated hold the command as the input's angle, so that what the table adds is part of
     their error.  docs page ``theory/compensation.md``.
     """
-    phase = float(order) * pose.theta
-    sign = pose.direction if sense == "opposite" else 1.0
-    return ErrorVector(contact="output", vector=(sign * np.stack([np.cos(phase), np.sin(phase)]))[:, None])
+    return output_wave(float(order) * pose.theta, pose.direction if sense == "opposite" else 1.0)
 
 
 def order_index(order: float) -> IndexValue:

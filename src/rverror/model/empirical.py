@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.action_line import Contacts, ErrorVector, output_wave
 from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, rv
@@ -42,7 +42,7 @@ def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
     It describes and does not explain.  Frames of one order, as carrier, disc and crank, give the same wave: the name is
     a note of where the cause is looked for.
     """
-    return ErrorVector(contact="output", vector=_wave(pose, frame, harmonic))
+    return output_wave(_angle(pose, frame, harmonic))
 
 
 def order_by_direction(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
@@ -60,7 +60,7 @@ def order_by_direction(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
     ErrorVector
         Terms cos, sin, as angles of the output, positive forward.
     """
-    return ErrorVector(contact="output", vector=pose.direction * _wave(pose, frame, harmonic))
+    return output_wave(_angle(pose, frame, harmonic), pose.direction)
 
 
 def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> ErrorVector:
@@ -86,15 +86,12 @@ def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> Error
         If the pose has no torque.
     """
     load = stated_load(pose, "empirical.order_by_load")
-    return ErrorVector(
-        contact="output", vector=(load if sense == "opposite" else np.abs(load)) * _wave(pose, frame, harmonic)
-    )
+    return output_wave(_angle(pose, frame, harmonic), load if sense == "opposite" else np.abs(load))
 
 
-def _wave(pose: Pose, frame: str, harmonic: int) -> Array:
-    """Cosine and sine of the order, shape (2, 1, n)."""
-    wave = harmonic * _fundamental(pose, frame) * pose.theta
-    return np.stack([np.cos(wave), np.sin(wave)])[:, None]
+def _angle(pose: Pose, frame: str, harmonic: int) -> Array:
+    """Phase of the order, rad."""
+    return np.asarray(harmonic * _fundamental(pose, frame) * pose.theta)
 
 
 def _fundamental(pose: Pose, frame: str) -> float:

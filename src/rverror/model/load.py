@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.geartrain.action_line import ErrorVector
+from rverror.geartrain.action_line import ErrorVector, output_terms, output_wave
 from rverror.geartrain.kinematics import Pose, stated_load
 from rverror.geartrain.source import Parameter, Source, constant, harmonics, input_order, own_order
 
@@ -33,7 +30,7 @@ def torsion(pose: Pose) -> ErrorVector:
     Source 000 names loads, source 001 load-induced deformation as missing; source 003 leaves them to an outlook.  The
     windup of the contacts themselves is the equilibrium's; the closed form has none.
     """
-    return ErrorVector(contact="output", vector=-stated_load(pose, "load.torsion")[None, None])
+    return output_terms(-stated_load(pose, "load.torsion"))
 
 
 def torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -59,7 +56,7 @@ def torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
     -----
     In proportion to the load, and opposite in the two directions.  No source text has it.
     """
-    return _giving_way(stated_load(pose, "load.torsion_wave"), harmonic * pose.theta)
+    return output_wave(harmonic * pose.theta, -stated_load(pose, "load.torsion_wave"))
 
 
 def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -86,14 +83,9 @@ def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
     -----
     In proportion to the load, and opposite in the two directions.  No source text has it.
     """
-    return _giving_way(stated_load(pose, "load.input_torsion_wave"), harmonic * pose.ratio * pose.theta)
+    return output_wave(harmonic * pose.ratio * pose.theta, -stated_load(pose, "load.input_torsion_wave"))
 
 
-def _giving_way(load: Array, wave: Array) -> ErrorVector:
-    return ErrorVector(contact="output", vector=-load * np.stack([np.cos(wave), np.sin(wave)])[:, None])
-
-
-#: Plausible wave of a compliance beyond the contacts: 10 arcsec at 1000 N*m.
 _WAVE = 10 * ARCSEC / 1e6
 
 SOURCES = (

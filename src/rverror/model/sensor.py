@@ -6,7 +6,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, dot, radial_and_tangential
 from rverror.base.units import ARCSEC
-from rverror.geartrain.action_line import Contacts, ErrorVector
+from rverror.geartrain.action_line import Contacts, ErrorVector, output_terms, output_wave
 from rverror.geartrain.cycloid import pin_forces
 from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
@@ -43,7 +43,7 @@ def encoder_eccentricity(pose: Pose) -> ErrorVector:
     Order 1 comes from outside the gear train: the only source of the catalogue that gives it, whatever 000 and 003
     ascribe to it.
     """
-    return _reading(_waves(pose.theta))
+    return output_wave(pose.theta)
 
 
 def encoder_ellipticity(pose: Pose) -> ErrorVector:
@@ -58,7 +58,7 @@ def encoder_ellipticity(pose: Pose) -> ErrorVector:
     ErrorVector
         Terms cos, sin.
     """
-    return _reading(_waves(2 * pose.theta))
+    return output_wave(2 * pose.theta)
 
 
 def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -80,7 +80,7 @@ def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
     The same at every load and in both directions.  Three screws make order 3; so does a flange of three cranks, which
     grows with the load: see ``load.torsion_wave``.
     """
-    return _reading(_waves(harmonic * pose.theta))
+    return output_wave(harmonic * pose.theta)
 
 
 def output_tilt(pose: Pose) -> ErrorVector:
@@ -114,7 +114,7 @@ def output_tilt(pose: Pose) -> ErrorVector:
     load = stated_load(pose, "sensor.output_tilt")
     push = (pin_forces(pose)[0] * pose.resisted).sum(axis=0)
     seen = dot(np.stack(radial_and_tangential(pose.turns[pose.reducer.held])), push)
-    return _reading(-load * seen / np.hypot(*push))
+    return output_terms(*(-load * seen / np.hypot(*push)))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -131,7 +131,7 @@ def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
     ErrorVector
         Terms cos, sin, as angles of the input shaft; the output moves by a ratio-th of them at the order h R.
     """
-    return _reading(_waves(harmonic * pose.ratio * pose.theta) / pose.ratio)
+    return output_wave(harmonic * pose.ratio * pose.theta, 1 / pose.ratio)
 
 
 def index_offset(pose: Pose) -> ErrorVector:
@@ -152,7 +152,7 @@ def index_offset(pose: Pose) -> ErrorVector:
     train, and the composers do that with `Model.index_offset`.  What the bench reads (encoders, couplings) keeps to
     the bench's zero.
     """
-    return _reading(np.zeros((1, pose.theta.size)))
+    return output_terms(np.zeros(pose.theta.size))
 
 
 def ratio_error(pose: Pose) -> ErrorVector:
@@ -167,7 +167,7 @@ def ratio_error(pose: Pose) -> ErrorVector:
     ErrorVector
         Term slope, angle per angle.
     """
-    return _reading(pose.theta[None])
+    return output_terms(pose.theta)
 
 
 def drift(pose: Pose) -> ErrorVector:
@@ -184,7 +184,7 @@ def drift(pose: Pose) -> ErrorVector:
     """
     clock = np.arange(pose.theta.size, dtype=np.float64) if pose.time is None else pose.time
     span = np.ptp(clock)
-    return _reading(((clock - clock[0]) / (span if span > 0 else 1.0))[None])
+    return output_terms((clock - clock[0]) / (span if span > 0 else 1.0))
 
 
 def time_offset(pose: Pose) -> ErrorVector:
@@ -215,7 +215,7 @@ def time_offset(pose: Pose) -> ErrorVector:
     order = np.argsort(pose.time, kind="stable")
     speed = np.empty_like(pose.theta)
     speed[order] = slope(pose.theta[order], pose.time[order])
-    return _reading(speed[None])
+    return output_terms(speed)
 
 
 def slope(values: Array, clock: Array) -> Array:
@@ -262,14 +262,6 @@ def _line_slope(values: Array, clock: Array, reach: int) -> Array:
     moved = spread > 1e-12 * float(np.ptp(clock)) ** 2
     product = mean(time * angle) - mean(time) * mean(angle)
     return np.where(moved, product / np.where(moved, spread, 1.0), 0.0)
-
-
-def _waves(angle: Array) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)])
-
-
-def _reading(vector: Array) -> ErrorVector:
-    return ErrorVector(contact="output", vector=vector[:, None])
 
 
 def _fixed(*orders: float) -> Orders:

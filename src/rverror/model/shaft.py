@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from rverror.geartrain.action_line import ErrorVector
+from rverror.geartrain.action_line import ErrorVector, output_wave
 from rverror.geartrain.kinematics import DrivePose
 from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.geartrain.source import Index, Indices, Source, angles, harmonics
@@ -26,8 +24,7 @@ def eccentricity(pose: DrivePose, *, shaft: str, harmonic: int) -> ErrorVector:
     ErrorVector
         Terms cos, sin, as angles of the output.
     """
-    angle = harmonic * pose.drive.shafts[shaft] * pose.theta
-    return ErrorVector(contact="output", vector=np.stack([np.cos(angle), np.sin(angle)])[:, None])
+    return output_wave(harmonic * pose.drive.shafts[shaft] * pose.theta)
 
 
 def _orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
