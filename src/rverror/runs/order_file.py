@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
@@ -16,32 +16,18 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.directions import DIRECTIONS
-from rverror.base.errors import check_kind
+from rverror.base.directions import direction_signs
+from rverror.base.errors import InputError, check_kind
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, did_you_mean, shown, split_lines, write_text
+from rverror.base.text import PathLike, check_path, split_lines, write_text
 from rverror.runs import reading
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.bench.order_report import read_bench_orders
+from rverror.runs.bench.order_rows import KIND, ORDER_KEYS, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
-from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows
-from rverror.runs.text_table import HEADER_LINE, NUMERALS, TextKind, TextTable, header_lines, opened
+from rverror.runs.reading import HEADER_LINE, ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows, header_lines
 
-#: What the header's ``kind`` says of an order table.
-KIND = "orders"
-
-_ORDERS = TextKind(
-    keys=("kind", "direction", *ORDER_CONDITIONS, "index"),
-    dimensions={**ORDER_COLUMNS, "direction": ""},
-    examples=ORDER_EXAMPLES,
-    names="direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]",
-    example="amplitude[arcsec]",
-    needed="write one for each order of each condition",
-    remedy=", or make it a column",
-)
 #: Attribute of a condition that has the number of a column.
 _ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
-_DIRECTIONS = {"forward": 1.0, "reverse": -1.0}
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
 
@@ -133,126 +119,8 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
     """
     mapping = given_mapping(mapping)
     if mapping is None or is_order_file(path):
-        return _table(_own_rows(path))
-    _check_columns(mapping.path, "[orders]", mapping.orders.given)
-    return _table(read_bench_orders(path, mapping))
-
-
-def _own_rows(path: PathLike) -> OrderRows:
-    """Rows of a text whose header says what it is."""
-    text = opened(path, _ORDERS)
-    _check_kind(text)
-    scales = text.scales()
-    others = [name for name, scale in scales.items() if scale is None]
-    _check_columns(text.path, f"line {text.first + 1}", list(scales), others=others)
-    cells = text.cells(len(scales))
-    with np.errstate(over="ignore"):  # what overflows is left out below, and counted
-        columns = {
-            name: np.array([_number(row[at]) for row in cells]) * scale[0] + scale[1]
-            for at, (name, scale) in enumerate(scales.items())
-            if scale is not None and name != "direction"
-        }
-    notes = [*text.notes]
-    if others:
-        notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
-    return OrderRows(
-        path=text.path,
-        labels=tuple(place + 1 for place in text.rows),
-        noun="line",
-        directions=_directions(text, list(scales), cells),
-        columns=columns,
-        stated={
-            name: (number, f"line {text.header[name].line}")
-            for name, dimension in ORDER_CONDITIONS.items()
-            if (number := text.number(name, dimension)) is not None
-        },
-        index=text.index,
-        metadata=text.metadata,
-        notes=tuple(notes),
-    )
-
-
-def _check_kind(text: TextTable) -> None:
-    kind = text.header.get("kind")
-    if kind is None:
-        text.refuse(f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
-    if kind.value.lower() != KIND:
-        text.refuse(f"line {kind.line}: kind = {shown(kind.value)}: must be {KIND}")
-
-
-def _check_columns(path: str, where: str, names: Collection[str], *, others: Sequence[str] = ()) -> None:
-    """Refuse rows that do not tell which order they are of, or how large and where its wave is."""
-
-    def meant(*missing: str) -> str:
-        """Another column that may be meant."""
-        bare = {name.partition("[")[0].strip().lower(): name for name in others if name != "direction"}
-        for name in missing:
-            if match := next((bare[word] for word in bare if did_you_mean(word, [name])), None):
-                return f" did you mean {name!r} by {shown(match)}?"
-        return ""
-
-    given = set(names)
-    if "order" not in given:
-        _refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")
-    if {"cos", "sin"} <= given and (both := [name for name in ("amplitude", "phase") if name in given]):
-        _refuse(path, f"{where}: {' and '.join(both)} beside cos and sin; leave one form of them")
-    for one, other, why, remedy in _PAIRS:
-        if one in given and other not in given:
-            _refuse(path, f"{where}: {one} without {other}{why};{meant(other)} give {remedy}")
-    if not given & {"cos", "amplitude"}:
-        _refuse(
-            path,
-            f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
-            "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
-        )
-
-
-#: Columns that need another: what is not known without it, and what to give.
-_PAIRS = (
-    ("cos", "sin", "", "both, or amplitude and phase"),
-    ("sin", "cos", "", "both, or amplitude and phase"),
-    ("amplitude", "phase", ", so the waves are not known", "phase[deg], or cos[arcsec] and sin[arcsec]"),
-    ("phase", "amplitude", ", so the waves are not known", "amplitude[arcsec], or cos[arcsec] and sin[arcsec]"),
-)
-
-
-def _directions(text: TextTable, names: list[str], cells: Sequence[Sequence[str]]) -> tuple[float, ...]:
-    """+1 or -1 of each row."""
-    stated, line = None, 0
-    if "direction" in text.header:
-        line = text.header["direction"].line
-        stated = _direction(text.path, f"line {line}", text.header["direction"].value)
-    if "direction" not in names:
-        if stated is None:
-            text.refuse(
-                f"line {text.first + 1}: there is no direction; write '# direction: forward' above the names, or a "
-                "column 'direction'"
-            )
-        return (stated,) * len(cells)
-    at = names.index("direction")
-    found = []
-    for place, row in zip(text.rows, cells, strict=True):
-        value = _direction(text.path, f"line {place + 1}", row[at].strip().strip('"').strip())
-        if stated is not None and value != stated:
-            text.refuse(
-                f"line {place + 1}: direction = {way(value)}, but line {line} says {way(stated)}; leave one of them"
-            )
-        found.append(value)
-    return tuple(found)
-
-
-def _direction(path: str, where: str, word: Any) -> float:
-    value = DIRECTIONS.get(word.strip().lower()) if isinstance(word, str) else word
-    if isinstance(value, (bool, str)) or value not in (1, -1):
-        hint = did_you_mean(word, DIRECTIONS) if isinstance(word, str) else ""
-        remedy = "must be forward or reverse" if isinstance(word, str) else "must be 'forward', 'reverse', +1 or -1"
-        _refuse(path, f"{where}: direction = {shown(word)}: {remedy};{hint or ' write one of them'}")
-    return float(value)
-
-
-def _number(cell: str) -> float:
-    value = NUMERALS.parse(cell.strip().strip('"'))
-    return math.nan if value is None else value
+        mapping = BenchMapping()
+    return _table(read_order_rows(path, mapping))
 
 
 # --- rows become a table ----------------------------------------------------------------------------------------------
@@ -452,7 +320,7 @@ def orders_from_arrays(
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
     columns = {name: row_of(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
-    _check_columns("", "columns", list(columns))
+    check_order_columns(_IN_MEMORY, "columns", columns)
     stated = {}
     for name, value in conditions.items():
         if value is None:
@@ -466,8 +334,11 @@ def orders_from_arrays(
             columns[name] = row_of(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
-    words = [direction] * count if single else list(direction)
-    sizes = {"direction": len(words)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
+    try:
+        signs = direction_signs([direction] * count if single else list(direction)).tolist()
+    except InputError as error:
+        _refuse("", str(error))
+    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
         _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
@@ -475,7 +346,7 @@ def orders_from_arrays(
         path="",
         labels=tuple(range(count)),
         noun="row",
-        directions=tuple(_direction("", f"row {at}", word) for at, word in enumerate(words)),
+        directions=tuple(signs),
         columns=columns,
         stated=stated,
         index=index,
@@ -533,7 +404,7 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     reverse,20,40,2.06264806247096,90
     """
     values = {"kind": KIND} | ({"index": table.index} if table.index else {})
-    values |= {key: value for key, value in table.metadata.items() if key.lower() not in _ORDERS.keys}
+    values |= {key: value for key, value in table.metadata.items() if key.lower() not in ORDER_KEYS}
     head = [*header_lines(path or _IN_MEMORY, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
     cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
@@ -578,6 +449,7 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
     sizes = {name: values.size for name, values in columns.items()}
     if len(set(sizes.values())) > 1:
         _refuse(path, f"orders, waves and sigma of a case differ in length ({sizes}); give each order one of each")
+    direction_signs([case.condition.direction for case in table.cases])
     rows = OrderRows(
         path="",
         labels=tuple(range(sizes["order"])),
@@ -585,8 +457,6 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
         directions=tuple(case.condition.direction for case in table.cases for _ in case.orders),
         columns=columns,
     )
-    for at, direction in enumerate(rows.directions):
-        _direction(path, rows.at(at), direction)
     if not all(np.isfinite(values).all() for values in columns.values()):
         _refuse(path, "the table holds values that are not finite; leave those orders out")
     _table(rows)

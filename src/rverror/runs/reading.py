@@ -14,7 +14,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
-from rverror.base.text import did_you_mean, shown, some
+from rverror.base.text import did_you_mean, shown, some, split_lines
 
 #: Dimension of each known column.
 COLUMNS = {
@@ -59,11 +59,59 @@ ORDER_EXAMPLES = {
 }
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
+#: Those, and the ones of order tables.
+KNOWN_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 #: What may be stated of the direction.
 STATED = {**DIRECTIONS, "mixed": 0.0}
 #: Name of a column, with its unit in brackets or without.
 COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
+#: A line of the header.
+HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
 _TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
+
+
+def bare_name(name: str) -> str:
+    """Name of a column in lower case, without its unit in brackets.
+
+    Examples
+    --------
+    >>> bare_name("Output_Angle [deg]")
+    'output_angle'
+    """
+    match = COLUMN_NAME.match(name)
+    return match[1].strip().lower() if match else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """A value that a header states.
+
+    Attributes
+    ----------
+    text : str
+        As written.
+    at : str
+        Where it stands, for messages.
+    """
+
+    text: str
+    at: str
+
+
+def header_lines(path: str, values: Mapping[str, str]) -> list[str]:
+    """Lines of a header.
+
+    Raises
+    ------
+    InputError
+        If one would not read back.
+    """
+    head = [f"# {key}: {value}" for key, value in values.items()]
+    for line, (key, value) in zip(head, values.items(), strict=True):
+        match = HEADER_LINE.match(line)
+        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
+            refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
+    return head
 
 
 class OfFile:

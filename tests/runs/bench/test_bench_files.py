@@ -18,7 +18,7 @@ from nptdms import ChannelObject
 
 from bench_files import INPUT, OUTPUT, RATIO, TE, THETA, TIME, N, hdf5, mat, tdms
 from rverror.base.errors import InputError
-from rverror.runs.bench import columns as bench_columns, hdf5 as bench_hdf5, text as bench_text
+from rverror.runs.bench import columns as bench_columns, hdf5 as bench_hdf5
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, run_text
@@ -77,7 +77,6 @@ UNITS = {"deg": 1.0, "turn": 1 / 360, "arcmin": 60.0, "mrad": math.pi / 180 * 10
 @given(
     separator=st.sampled_from([";", ",", "\t", "|", " "]),
     decimal=st.sampled_from([".", ","]),
-    thousands=st.sampled_from(["", ".", ",", "'", "\u00a0"]),
     signs=st.tuples(*[st.sampled_from([1, -1])] * 2),
     unit=st.sampled_from(sorted(UNITS)),
     encoding=st.sampled_from(["", "utf-8", "cp1252", "latin-1", "utf-16", "utf-8-sig"]),
@@ -88,19 +87,17 @@ UNITS = {"deg": 1.0, "turn": 1 / 360, "arcmin": 60.0, "mrad": math.pi / 180 * 10
     units_row=st.booleans(),
 )
 def test_text_of_any_make(
-    tmp_path_factory: pytest.TempPathFactory, separator: str, decimal: str, thousands: str, signs: tuple[int, int],
+    tmp_path_factory: pytest.TempPathFactory, separator: str, decimal: str, signs: tuple[int, int],
     unit: str, encoding: str, preamble: list[str], end: str, stated: bool, trailing: bool, units_row: bool,
 ) -> None:  # fmt: skip
     """Whatever the clothes: if it is read, it is the run of the standard file."""
     folder = tmp_path_factory.mktemp("text")
-    quoted = separator in (decimal, thousands)
+    quoted = separator == decimal
     if separator == " ":
         preamble = [line.replace(" ", "") for line in preamble]
-    grouped = thousands and thousands != decimal
 
     def cell(value: float) -> str:
-        text = f"{value:,.9f}" if grouped else f"{value:.9f}"
-        text = text.replace(",", "\0").replace(".", decimal).replace("\0", thousands)
+        text = f"{value:.9f}".replace(".", decimal)
         return f'"{text}"' if quoted else text
 
     names = ["t", "Antrieb [°]", "Abtrieb [°]", "Öl"]
@@ -117,8 +114,7 @@ def test_text_of_any_make(
     file.write_bytes(content.encode(encoding or "utf-8"))
     keys = [f'encoding = "{encoding}"'] if encoding not in ("", "utf-8-sig") else []
     keys += [f"separator = '{separator}'"] if stated or separator == " " else []
-    keys += [f"decimal = '{decimal}'"] if stated or grouped else []
-    keys += [f'thousands = "{thousands}"'] if grouped else []
+    keys += [f"decimal = '{decimal}'"] if stated else []
     mapping = "\n".join(
         [
             "[file]",
@@ -213,8 +209,6 @@ def test_integers_and_single_precision(tmp_path: Path, kind: str) -> None:
     run = load(file, MAPPING.replace('unit = "deg" }', 'unit = "counts", counts_per_turn = 10000 }', 1))
     np.testing.assert_allclose(run.input_angle, counts / 1e4 * math.tau, rtol=1e-15)
     assert "one count of input_angle is 0.036 deg" in run.notes
-    step = float(np.spacing(np.float32(OUTPUT[-1])))
-    assert f"output_angle is stored with 32 bits: steps of {step:.2g} deg at its largest value" in run.notes
 
 
 def test_names_of_a_run_file_need_no_mapping(tmp_path: Path) -> None:
@@ -306,12 +300,6 @@ def test_rows_that_are_short_or_blank_or_words(tmp_path: Path) -> None:
     assert run.size == N - 3
 
 
-def test_a_blank_that_groups_digits_does_not_separate_columns(tmp_path: Path) -> None:
-    rows = "\n".join(f"{a:,.9f} \t{b:.9f} ".replace(",", "\u00a0") for a, b in zip(INPUT, OUTPUT, strict=True))
-    keys = "[file]\nseparator = ' '\ndecimal = '.'\nthousands = '\u00a0'\n"
-    same(load(write(tmp_path, "run.txt", f"  in   out\n{rows}\n"), keys + MAPPING), standard(tmp_path), atol=1e-10)
-
-
 def test_comment_sign_before_the_names(tmp_path: Path) -> None:
     same(load(write(tmp_path, "run.txt", "# " + columns())), standard(tmp_path), atol=1e-9)
 
@@ -335,9 +323,9 @@ TEXTS = {
     "open sign": ("in;out\n" + "1,234;2,345\n" * 20, "", ["line 2, column 1: '1,234' may be 1.234 or 1234", "decimal"]),
     "open in quotes": ('in,out\n' + '"1,234","2,345"\n' * 20, "", ["'1,234' may be", "decimal = '.' or ','"]),
     "both signs": ("in;out\n1,5;2.25\n", "", ["line 2, column 2: '2.25' holds '.', cells before it ','"]),
-    "grouped": ("in;out\n1.234,5;2\n", "", ["line 2, column 1", "holds a point and a comma", "thousands"]),
+    "grouped": ("in;out\n1.234,5;2\n", "", ["line 2, column 1", "holds a point and a comma", "between thousands"]),
     "points in a comma file": (columns(decimal="."), "decimal = ','",
-                               ["line 2, column 1", "holds '.', but the mapping says decimal = ','", "thousands"]),
+                               ["line 2, column 1", "holds '.', but the mapping says decimal = ','"]),
     "commas in a point file": (columns(), "decimal = '.'", ["holds ',', but the mapping says decimal = '.'"]),
     "words": ("in;out\n" + "12 h 3;1\n" * 20, "",
               ["line 2, column 1: '12 h 3' is no number, nor is any cell of 'in'"]),
@@ -362,19 +350,11 @@ def test_both_separators_fit(tmp_path: Path) -> None:
     refusal(lambda: load(write(tmp_path, "run.csv", text), mapping), "line 1: semicolon and comma both separate")
 
 
-def test_bounds_of_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = write(tmp_path, "run.csv", columns())
-    monkeypatch.setattr(bench_text, "MOST_ROWS", N - 1)
-    refusal(lambda: load(file), "240 rows, at most 239", "cut the recording")
-    monkeypatch.setattr(bench_text, "MOST_BYTES", 100)
-    refusal(lambda: load(file), "MB of text", "cut it into runs")
-
-
 def test_a_text_without_mapping_says_how_to_write_one(tmp_path: Path) -> None:
     file = write(tmp_path, "run.csv", columns())
-    refusal(lambda: load_run(file), "separated by semicolons", "--draft")
+    refusal(lambda: load_run(file), "no line holds a column name", "--draft")
     refusal(lambda: load_run(write(tmp_path, "run.csv", "Öl".encode("cp1252"))), "no UTF-8", "--draft")
-    refusal(lambda: load_run(write(tmp_path, "run.csv", "a,b\n1,2\n")), "no input_angle", "--draft")
+    refusal(lambda: load_run(write(tmp_path, "run.csv", "te[deg],b\n1,2\n")), "no input_angle", "--draft")
 
 
 # --- columns that are none --------------------------------------------------------------------------------------------
@@ -644,7 +624,7 @@ def test_columns_that_are_missing_in_the_mapping(tmp_path: Path) -> None:
 
 def test_two_columns_of_a_standard_name(tmp_path: Path) -> None:
     file = hdf5(tmp_path, **{"a/te[deg]": TE, "b/te[deg]": TE})
-    refusal(lambda: load_run(file), "'a/te[deg]' and 'b/te[deg]' are both te")
+    refusal(lambda: load_run(file), "'b/te[deg]' and 'a/te[deg]' are both te")
     with h5py.File(file, "a") as out:
         out["a/input_angle[deg]"] = INPUT
     same_as = load(file, "[file]\ngroup = 'a'\n")
@@ -684,10 +664,10 @@ def test_units_that_are_missing_or_contradict(tmp_path: Path) -> None:
     refusal(lambda: load(file, bare), "'V'", "state the unit beside its name")
     with h5py.File(file, "w") as out:
         out["input_angle"], out["te[furlong]"] = INPUT, TE
-    refusal(lambda: load_run(file), "'input_angle' has no unit", 'input_angle = { name = "input_angle", unit = "deg" }')
+    refusal(lambda: load_run(file), "input_angle has no unit", "write 'input_angle[deg]'")
     with h5py.File(file, "a") as out:
         out["input_angle"].attrs["unit"] = "deg"
-    refusal(lambda: load_run(file), "'te[furlong]'", "'furlong'")
+    refusal(lambda: load_run(file), "te", "'furlong'")
 
 
 @pytest.mark.parametrize("bits", [16, 24, 32])
@@ -703,7 +683,7 @@ def test_a_counter_that_starts_again(tmp_path: Path, bits: int, sense: int) -> N
     run = load(file, mapping.replace("counts_per_turn", f"wraps_at = {size}, counts_per_turn"))
     assert f"input_angle: {jumps} restarts of the counter by {float(size):.6g} removed" in run.notes
     np.testing.assert_allclose(np.diff(run.input_angle), np.diff(counts) / per_turn * math.tau, rtol=1e-9)
-    refusal(lambda: load(file, mapping), "looks like a counter that starts again", f"wraps_at = {size}")
+    assert any("its counter has jumped" in note for note in load(file, mapping).notes)
 
 
 def test_an_encoder_of_one_turn(tmp_path: Path) -> None:
@@ -765,15 +745,11 @@ def test_time_stamps(tmp_path: Path) -> None:
 
 def test_values_of_the_header(tmp_path: Path) -> None:
     head = "[header]\ndirection = 'forward'\ntemperature = '-5 degC'\nindex = 'A'\n"
-    run = load(mat(tmp_path, M=-TORQUE, load=30.0), MAPPING + head + "output_torque = { name = 'M', unit = 'N*m' }\n")
-    assert run.torque == pytest.approx(1000 * TORQUE.mean(), rel=1e-12)  # the size, whatever the sign
+    load_of = "output_torque = { property = 'load', unit = 'N*m' }\n"
+    run = load(mat(tmp_path, load=-30.0), MAPPING + head + load_of)
+    assert run.torque == pytest.approx(30e3)  # the size, whatever the sign
     assert run.temperature == pytest.approx(268.15)
     assert run.index == "A"
-    assert (f"output_torque is the mean of 'M': {-TORQUE.mean():.6g}, from {-TORQUE.max():.6g} to {-TORQUE.min():.6g} "
-            "N*m") in run.notes  # fmt: skip
-    assert load(tmp_path / "run.mat", MAPPING + "[header]\noutput_torque = { name = 'load', unit = 'N*m' }").torque == (
-        pytest.approx(30e3)
-    )
     refusal(lambda: load(tmp_path / "run.mat", MAPPING + "[header]\ndirection = 'reverse'\n"),
             "bench.toml, line 6: direction says reverse", "grows", "write forward")  # fmt: skip
 
@@ -814,14 +790,6 @@ def test_values_of_a_preamble(tmp_path: Path, line: str, keys: str) -> None:
     assert run.torque == pytest.approx(20.5e3)
 
 
-def test_means_that_say_nothing(tmp_path: Path) -> None:
-    header = "[header]\noutput_torque = { name = 'M', unit = 'N*m' }\n"
-    swings = np.sin(np.arange(N))
-    refusal(lambda: load(mat(tmp_path, M=swings), MAPPING + header), "changes its sign", "state a value", "split")
-    refusal(lambda: load(mat(tmp_path, M=swings * np.nan), MAPPING + header), "holds no number")
-    refusal(lambda: load(mat(tmp_path, M=TORQUE), MAPPING + header.replace(", unit = 'N*m'", "")), "has no unit")
-
-
 # --- hostile files ----------------------------------------------------------------------------------------------------
 
 
@@ -846,23 +814,12 @@ def test_files_that_are_cut_off(tmp_path: Path) -> None:
             else:
                 assert name == "run.tdms"
                 assert run.size < N
-                whole = run.size % (N // 3) == 0  # it may end where a part ends, which nobody can tell
-                assert whole or any("ends before its last part" in note for note in run.notes)
+                assert run.size % (N // 3) == 0  # it ends where a part ends, which nobody can tell
     refusal(lambda: load(write(tmp_path, "run.mat", files["run.mat"][:900])), "could not read", "export it again")
     refusal(
         lambda: load(write(tmp_path, "run.h5", files["run.h5"][:900])), "as HDF5", "damaged or cut off", "truncated"
     )
     refusal(lambda: load(write(tmp_path, "run.h5", "in;out\n")), "as HDF5")
-
-
-def test_nothing_is_logged_of_a_file_that_is_cut_off(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    raw = tdms(tmp_path, segments=3).read_bytes()
-    run = load(write(tmp_path, "run.tdms", raw[: len(raw) - 100]))
-    assert run.size == N - 13  # 100 bytes are 12.5 samples of the last channel
-    assert "the file ends before its last part is complete; what was written is read" in run.notes
-    assert "the last 13 samples left out, which not all columns have" in run.notes
-    np.testing.assert_array_equal(np.degrees(run.output_angle).round(9), OUTPUT[: N - 13].round(9))
-    assert caplog.records == []
 
 
 @given(place=st.integers(0, 2**31), byte=st.integers(0, 255))
@@ -918,7 +875,7 @@ def test_variables_that_stand_twice(tmp_path: Path) -> None:
     scipy.io.savemat(one, {"in": INPUT, "out": OUTPUT})
     scipy.io.savemat(two, {"out": OUTPUT})
     file = write(tmp_path, "run.mat", one.getvalue() + two.getvalue()[128:])
-    refusal(lambda: load(file), "Duplicate variable name \"out\"")
+    refusal(lambda: load(file), 'Duplicate variable name "out"')
 
 
 @pytest.mark.parametrize(("module", "kind", "words"), [("h5py", "h5", "HDF5 files need h5py"),

@@ -16,7 +16,6 @@ from rverror.runs.bench.columns import (
     RawArray,
     channel_axis,
     kind_problem,
-    plain_number,
     refused_in_one_line,
     shape_problem,
 )
@@ -51,7 +50,7 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         with refused_in_one_line(name, kind), h5py.File(name, "r", locking="best-effort") as file:
             return [_array(h5py, file, entries[place].name) for place in places]
 
-    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties, parse=plain_number)
+    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties)
 
 
 def _h5py(path: str) -> Any:

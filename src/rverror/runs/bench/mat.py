@@ -21,7 +21,6 @@ from rverror.runs.bench.columns import (
     RawArray,
     channel_axis,
     kind_problem,
-    plain_number,
     refused_in_one_line,
     shape_problem,
 )
@@ -42,6 +41,8 @@ _LONGEST = 120.0  # s: a damaged file may never end
 def open_mat(path: PathLike) -> BenchFile:
     """List the variables of a file; those of a structure as ``structure/field``, channels of a matrix as ``matrix/2``.
 
+    Single values are properties too.
+
     Raises
     ------
     InputError
@@ -54,9 +55,9 @@ def open_mat(path: PathLike) -> BenchFile:
     return BenchFile(
         path=name,
         kind="MAT",
+        properties={entry.name: str(array.item()) for entry, array in found if array.size == 1},
         entries=tuple(entry for entry, _ in found),
         columns=lambda places: [found[place][1] for place in places],
-        parse=plain_number,
     )
 
 
