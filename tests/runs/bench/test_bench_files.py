@@ -553,7 +553,6 @@ def test_hdf5_of_other_places_is_not_followed(tmp_path: Path) -> None:
         layout[:] = h5py.VirtualSource(str(other), "out", (N,))
         out.create_virtual_dataset("virtual", layout)
         out.create_dataset("stored", (N,), "f8", external=[(str(tmp_path / "raw.bin"), 0, 8 * N)])
-        out["hard"] = out["in"]
         out["names"] = ["a", "b"]
         out.create_dataset("claims", (10**12,), "f8", chunks=(1000,))
         out.create_dataset("nothing", data=h5py.Empty("f8"))
@@ -563,8 +562,8 @@ def test_hdf5_of_other_places_is_not_followed(tmp_path: Path) -> None:
         out["void"].attrs["MATLAB_empty"] = 1
         out["complex"] = np.zeros(N, dtype=[("real", "f8"), ("imag", "f8")])
     for name, words in {
-        "soft": "is a link to another place",
-        "external": "is a link to another place",
+        "soft": "no column 'soft'",
+        "external": "no column 'external'",
         "virtual": "in another file",
         "stored": "in another file",
         "names": "holds",
@@ -575,8 +574,6 @@ def test_hdf5_of_other_places_is_not_followed(tmp_path: Path) -> None:
         "complex": "complex",
     }.items():
         refusal(lambda name=name: load(file, MAPPING.replace('"out"', f'"{name}"')), f"'{name}'", words)
-    run = load(file, MAPPING.replace('"out", unit = "deg"', '"hard", unit = "deg", scale = 0.01'))
-    np.testing.assert_allclose(run.output_angle, run.input_angle / 100)
 
 
 def test_groups_in_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -585,8 +582,9 @@ def test_groups_in_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         for i in range(3):
             out[f"g/{i}"] = np.zeros(3)
         out["g/again"] = out["/"]
-    monkeypatch.setattr(bench_hdf5, "MOST_COLUMNS", 300)
-    refusal(lambda: load(file), "more than 300 groups and data sets, or groups in a circle")
+    assert load(file).size == N
+    monkeypatch.setattr(bench_hdf5, "MOST_COLUMNS", 2)
+    refusal(lambda: load(file), "more than 2 data sets")
 
 
 def test_as_samples_on_its_own() -> None:
