@@ -311,7 +311,7 @@ WRONG = {
     ),
     "too cold": (
         GOOD.replace("25,300", "-300,300"),
-        ", line 7: temperature: -26.85 K lies below absolute zero",
+        ", line 7: temperature = -300 degC: lies below absolute zero",
         "check",
     ),
     "sigma 0": (SIGMA + "forward,40,2,30,0\n", ", line 3: sigma = 0 arcsec: must be above 0", "leave the column out"),

@@ -73,18 +73,7 @@ def refuse_order_file(path: PathLike) -> None:
         If the file is one.
     """
     if is_order_file(path):
-        refuse_table(str(path))
-
-
-def refuse_table(path: str) -> NoReturn:
-    """Refuse an order table where samples are needed.
-
-    Raises
-    ------
-    InputError
-        Always.
-    """
-    _refuse(path, "an order table holds no samples, and only diagnose takes one; give a run file here")
+        reading.refuse(str(path), "an order table holds no samples, and only diagnose takes one; give a run file here")
 
 
 def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) -> OrderTable:
@@ -126,46 +115,48 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
 # --- rows become a table ----------------------------------------------------------------------------------------------
 
 
+#: Columns whose numbers have a bound of 0, those that must lie above it, and what to do.
+_BOUNDED = {
+    "order": "must be above 0, in waves per output turn",
+    "output_torque": "must be 0 or more; give its size, the direction stands in a column",
+    "input_speed": "must be 0 or more; give its size, the direction stands in a column",
+    "temperature": "lies below absolute zero; check the sign and the unit",
+    "amplitude": "must be 0 or more; write the size, and 180 deg more in the phase",
+    "sigma": "must be above 0; leave the column out where it is not known",
+}
+_ABOVE = ("order", "sigma")
+
+
 def _table(rows: OrderRows) -> OrderTable:
     notes = list(rows.notes)
     columns = {name: np.where(np.isfinite(values), values, np.nan) for name, values in rows.columns.items()}
-    for name, (value, where) in rows.stated.items():
-        _check_condition(rows.path, where, name, value)
     _check_stated(rows, columns)
+    columns |= {name: np.full(len(rows.labels), value) for name, (value, _) in rows.stated.items()}
+    if (missing := np.isnan(columns["order"])).any():
+        at = rows.at(int(np.argmax(missing)))
+        rows.refuse(f"{at}: order is no number; write the waves per output turn, or delete the row")
+    _check_bounds(rows, columns)
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
+    conditions = [name for name in ORDER_CONDITIONS if name in columns]
     usable = np.isfinite(waves)
-    for row in np.flatnonzero(~np.isfinite(columns["order"])).tolist():
-        rows.refuse(f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
-    for name in ("order", *ORDER_CONDITIONS):
-        if name in columns:
-            usable &= np.isfinite(columns[name])
+    for name in conditions:
+        usable &= np.isfinite(columns[name])
     _note_left_out(rows, ~usable, notes)
     cases: dict[TableCondition, dict[float, int]] = {}
     doubled = []
     for row in np.flatnonzero(usable).tolist():
-        where, order = rows.at(row), float(columns["order"][row])
-        if order <= 0:
-            rows.refuse(f"{where}: order = {order:g}: must be above 0, in waves per output turn")
-        known = {name: value for name, (value, _) in rows.stated.items()}
-        known |= {name: float(columns[name][row]) for name in ORDER_CONDITIONS if name in columns}
-        for name, value in known.items():
-            _check_condition(rows.path, where, name, value)
-        condition = TableCondition(
-            direction=rows.directions[row],
-            **{attribute: known.get(name) for name, attribute in _ATTRIBUTES.items()},
-        )
-        case = cases.setdefault(condition, {})
-        if order not in case:
-            case[order] = row
+        order = float(columns["order"][row])
+        known = {_ATTRIBUTES[name]: float(columns[name][row]) for name in conditions}
+        case = cases.setdefault(TableCondition(direction=rows.directions[row], **known), {})
+        first = case.setdefault(order, row)
+        if first == row:
             continue
-        first = case[order]
-        if abs(waves[row] - waves[first]) > _SAME * abs(waves[first]) or (
-            sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]
-        ):
+        same = abs(waves[row] - waves[first]) <= _SAME * abs(waves[first])
+        if not same or (sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]):
             rows.refuse(
-                f"{where}: order {order:g} stands in {rows.at(first)} with another wave under the same condition; "
-                "leave one of them"
+                f"{rows.at(row)}: order {order:g} stands in {rows.at(first)} with another wave under the same "
+                "condition; leave one of them"
             )
         doubled.append(row)
     if doubled:
@@ -185,12 +176,16 @@ def _table(rows: OrderRows) -> OrderTable:
     return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 
-def _check_condition(path: str, where: str, name: str, value: float) -> None:
-    if name == "temperature":
-        reading.checked_value(path or _IN_MEMORY, f"{where}: {name}", value, "temperature")
-    elif value < 0:
-        size = with_unit(value, ORDER_CONDITIONS[name])
-        _refuse(path, f"{where}: {name} = {size}: must be 0 or more; give its size, the direction stands in a column")
+def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
+    for name, remedy in _BOUNDED.items():
+        values = columns.get(name, np.zeros(0))
+        wrong = values <= 0 if name in _ABOVE else values < 0
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            at = rows.stated[name][1] if name in rows.stated else rows.at(row)
+            dimension = ORDER_COLUMNS[name]
+            printed = with_unit(values[row], dimension) if dimension else f"{values[row]:g}"
+            rows.refuse(f"{at}: {name} = {printed}: {remedy}")
 
 
 def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
@@ -217,11 +212,6 @@ def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
         rows.refuse(f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
     if one == "cos":
         return np.asarray(first - 1j * second, dtype=np.complex128)
-    for row in np.flatnonzero(first < 0).tolist():
-        rows.refuse(
-            f"{rows.at(row)}: amplitude = {with_unit(first[row], 'angle')}: must be 0 or more; write the size, and "
-            "180 deg more in the phase"
-        )
     with np.errstate(invalid="ignore"):
         return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
 
@@ -235,11 +225,6 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     if (there & ~empty).any() and empty.any():
         rows.refuse(
             f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none"
-        )
-    for row in np.flatnonzero(sigma <= 0).tolist():
-        rows.refuse(
-            f"{rows.at(row)}: sigma = {with_unit(sigma[row], 'angle')}: must be above 0; leave the column out where it "
-            "is not known"
         )
     if not (there & ~empty).any():
         notes.append("sigma holds no number and is left out")

@@ -342,18 +342,9 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
-    hint = ""
-    for name in names:
-        if name in COLUMNS:
-            continue
-        bare = re.split(r"[\[(]", name)[0].strip().lower()
-        guess = (
-            next((known for known in missing if bare == known), None)
-            or (re.search(r"'(\w+)'", did_you_mean(bare, missing)) or [None, None])[1]
-        )
-        if guess:
-            hint = f" did you mean '{guess}[{EXAMPLES[guess]}]' by {shown(name)}?"
-            break
+    likely = [f"{name}[{EXAMPLES[name]}]" for name in missing]
+    others = [re.split(r"[\[(]", name)[0].strip() for name in names if name not in COLUMNS]
+    hint = next(filter(None, (did_you_mean(name, likely) for name in others)), "")
     what = f"besides {have[0]} there is no" if have else "there is no"
     listed = " and no ".join(missing) if have else "input_angle, output_angle or te"
     refuse(

@@ -287,7 +287,7 @@ def test_skip_chooses_among_lines_of_names(tmp_path: Path) -> None:
     file = write(tmp_path, "run.txt", "in;out\n1,5;2,5\n\n" + columns())
     run = load(file, "[file]\nskip = 2\n" + MAPPING)
     same(run, standard(tmp_path), atol=1e-9)
-    refusal(lambda: load(file, "[file]\nskip = 1\n" + MAPPING), "no line holds the column name 'in'")
+    refusal(lambda: load(file, "[file]\nskip = 1\n" + MAPPING), "no line holds column names such as 'in'")
     refusal(lambda: load(file, "[file]\nskip = 999\n" + MAPPING), "skip = 999", "correct skip")
 
 
@@ -315,7 +315,7 @@ TEXTS = {
     "misspelt": (columns(names="in;aut"), "",
                  ["line 1: there is no column 'out'", "did you mean 'aut'", "'in', 'aut'"]),
     "misspelt both": (columns(names="ins;outs"), "", ["line 1: there is no column 'in'"]),
-    "strange": ("a;b\n1;2\n", "", ["no line holds the column name 'in'", "tried: semicolon, tab, comma, bar"]),
+    "strange": ("a;b\n1;2\n", "", ["no line holds column names such as 'in'", "tried: semicolon, tab, comma, bar"]),
     "wrong separator": (columns(), 'separator = "\\t"', ["line 1: there is no column 'in'", "the names are 'in;out'"]),
     "twice": (columns(names="in;out;in"), "", ["line 1: 'in' names columns 1, 3", "column = 1"]),
     "too many cells": (columns().replace("\n", ";1\n").replace("out;1", "out"), "", ["line 2: 3 cells, but 2"]),
@@ -352,7 +352,7 @@ def test_both_separators_fit(tmp_path: Path) -> None:
 
 def test_a_text_without_mapping_says_how_to_write_one(tmp_path: Path) -> None:
     file = write(tmp_path, "run.csv", columns())
-    refusal(lambda: load_run(file), "no line holds a column name", "--draft")
+    refusal(lambda: load_run(file), "no line holds column names", "--draft")
     refusal(lambda: load_run(write(tmp_path, "run.csv", "Öl".encode("cp1252"))), "no UTF-8", "--draft")
     refusal(lambda: load_run(write(tmp_path, "run.csv", "te[deg],b\n1,2\n")), "no input_angle", "--draft")
 

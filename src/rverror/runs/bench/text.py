@@ -221,7 +221,10 @@ def _found_names(
             return set(texts) <= set(cells)
         return any(bare_name(cell) in telling for cell in cells)
 
-    candidates = _candidates(path, lines, rules)
+    filled = [i for i, line in enumerate(lines) if line.strip() and i >= rules.skip]
+    if not filled:
+        refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
+    candidates = filled[:1] if rules.skip >= 0 else filled
     for i in candidates:
         fitting = [names for sign in tried if fits((names := _names_in(lines, i, sign)).cells)]
         # A single name holds no separator: every sign fits then, and the one that splits the line is meant.
@@ -232,14 +235,7 @@ def _found_names(
         if split:
             _check_twice(path, split[0], texts)
             return split[0]
-    _refuse_names(path, lines, candidates, tried, texts, telling)
-
-
-def _candidates(path: str, lines: Sequence[str], rules: TextRules) -> list[int]:
-    filled = [i for i, line in enumerate(lines) if line.strip() and i >= rules.skip]
-    if not filled:
-        refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
-    return filled[:1] if rules.skip >= 0 else filled
+    _refuse_names(path, [_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried], texts or telling)
 
 
 def _names_in(lines: Sequence[str], at: int, separator: str) -> _Names:
@@ -278,41 +274,24 @@ def _check_twice(path: str, names: _Names, texts: Sequence[str]) -> None:
             )
 
 
-def _refuse_names(
-    path: str,
-    lines: Sequence[str],
-    candidates: Sequence[int],
-    tried: Sequence[str],
-    texts: Sequence[str],
-    telling: Sequence[str],
-) -> NoReturn:
-    """Say which name is missing in the line that has most of them."""
-    best = max(
-        (_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried),
-        key=lambda names: (len(set(texts) & set(names.cells)), _near(names.cells, texts)),
-    )
-    stated = ", ".join(_WORDS[sign] for sign in tried)
-    if not texts:
+def _refuse_names(path: str, tried: Sequence[_Names], wanted: Sequence[str]) -> NoReturn:
+    """Say which name is missing in the line that has most of them or the like."""
+
+    def near(names: _Names) -> int:
+        return sum(bool(did_you_mean(text, filter(None, names.cells))) for text in wanted)
+
+    best = max(tried, key=near)
+    if not near(best):
+        signs = ", ".join(dict.fromkeys(_WORDS[names.separator] for names in tried))
         refuse(
             path,
-            f"no line holds a column name such as {some_names(telling)} (separators tried: {stated}); write them above "
-            "the rows, with their units, or describe the file in a mapping (rverror read FILE --draft begins one)",
+            f"no line holds column names such as {some_names(wanted)} (separators tried: {signs}); check the names and "
+            "the encoding, or describe the file in a mapping (rverror read FILE --draft begins one)",
         )
-    missing = [text for text in texts if text not in best.cells]
-    if len(missing) == len(texts) and not _near(best.cells, texts):
-        refuse(
-            path,
-            f"no line holds the column name {shown(missing[0], 60)} (separators tried: {stated}); check the names and "
-            "the encoding in the mapping",
-        )
-    hint = did_you_mean(missing[0], [cell for cell in best.cells if cell and cell not in texts])
+    missing = next(text for text in wanted if text not in best.cells)
+    hint = did_you_mean(missing, [cell for cell in best.cells if cell and cell not in wanted])
     names = some_names(best.cells)
-    refuse(path, f"line {best.line + 1}: there is no column {shown(missing[0], 60)};{hint} the names are {names}")
-
-
-def _near(cells: Sequence[str], texts: Sequence[str]) -> int:
-    """Number of texts that resemble a cell."""
-    return sum(bool(did_you_mean(text, [cell for cell in cells if cell])) for text in texts)
+    refuse(path, f"line {best.line + 1}: there is no column {shown(missing, 60)};{hint} the names are {names}")
 
 
 def unit_in_name(cell: str) -> str:
