@@ -574,7 +574,7 @@ def case(direction: float = 1.0, sigma: float | None = None, waves: Any = (1e-5,
     [
         ((), "no usable rows"),
         ((case(torque=1.0), case(-1.0)), "1 of 2 cases have no torque, others have; complete them"),
-        ((case(sigma=1e-6), case(-1.0)), "1 of 2 cases have no sigma, others have; give it"),
+        ((case(sigma=1e-6), case(-1.0)), "1 of 2 cases have no sigma, others have; complete them"),
         ((case(sigma=0.0),), "must be above 0"),
         ((case(2.0),), "direction = 2.0: must be"),
         ((case(torque=-1.0),), "must be 0 or more"),

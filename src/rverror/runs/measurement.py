@@ -41,6 +41,7 @@ from rverror.runs.reading import (
     STATED,
     OfFile,
     Reading,
+    check_lengths,
     checked_value,
     header_lines,
     refuse,
@@ -371,9 +372,7 @@ def run_from_arrays(
     columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
     others = {name: row_of(name, value) for name, value in (extra or {}).items()}
     sizes = {name: values.size for name, values in (columns | others).items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-        refuse("", f"the columns differ in length ({listed}); give all the same number of samples")
+    check_lengths("", sizes, "give all the same number of samples")
     stated = STATED.get(direction) if isinstance(direction, str) else float(direction)
     if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
         refuse("", f"direction = {shown(direction)}: must be 'forward', 'reverse', 'mixed', +1 or -1")

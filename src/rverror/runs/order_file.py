@@ -324,9 +324,7 @@ def orders_from_arrays(
     except InputError as error:
         _refuse("", str(error))
     sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-        _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
+    reading.check_lengths(_IN_MEMORY, sizes, "give all the same number of rows")
     rows = OrderRows(
         path="",
         labels=tuple(range(count)),
@@ -406,34 +404,31 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
-    columns: dict[str, Array] = {}
-    for name, attribute in _ATTRIBUTES.items():
-        known = [getattr(case.condition, attribute) for case in table.cases]
-        missing = sum(value is None for value in known)
-        if missing and missing < len(known):
+    cases, columns = table.cases, dict[str, Array]()
+    stated = {name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()}
+    for name, values in (stated | {"sigma": [case.sigma for case in cases]}).items():
+        missing = sum(value is None for value in values)
+        if 0 < missing < len(cases):
+            what = _ATTRIBUTES.get(name, name)
             _refuse(
                 path,
-                f"{missing} of {len(known)} cases have no {attribute}, others have; complete them, or write a file of "
-                "each kind",
+                f"{missing} of {len(cases)} cases have no {what}, others have; complete them, or write a file of each "
+                "kind",
             )
-        if known and not missing:
-            columns[name] = np.array(
-                [value for value, case in zip(known, table.cases, strict=True) for _ in case.orders]
+        if cases and not missing:
+            columns[name] = np.concatenate(
+                [
+                    np.full(case.orders.size, value) if np.ndim(value) == 0 else value
+                    for value, case in zip(values, cases, strict=True)
+                ]
             )
-    without = sum(case.sigma is None for case in table.cases)
-    if 0 < without < len(table.cases):
-        _refuse(
-            path,
-            f"{without} of {len(table.cases)} cases have no sigma, others have; give it in every case or in none",
-        )
-    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in table.cases)])
-    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in table.cases)])
+    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in cases)])
+    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in cases)])
     columns["amplitude"], columns["phase"] = np.abs(waves), np.angle(waves)
-    if not without and table.cases:
-        columns["sigma"] = np.concatenate([case.sigma for case in table.cases if case.sigma is not None])
+    if "sigma" in columns:
+        columns["sigma"] = columns.pop("sigma")  # the last column
     sizes = {name: values.size for name, values in columns.items()}
-    if len(set(sizes.values())) > 1:
-        _refuse(path, f"orders, waves and sigma of a case differ in length ({sizes}); give each order one of each")
+    reading.check_lengths(path or _IN_MEMORY, sizes, "give each order one wave and one sigma")
     direction_signs([case.condition.direction for case in table.cases])
     rows = OrderRows(
         path="",

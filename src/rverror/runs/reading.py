@@ -311,6 +311,24 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
         return np.asarray(array * factor + zero, dtype=np.float64)
 
 
+def check_lengths(path: str, sizes: Mapping[str, int], remedy: str) -> None:
+    """Refuse columns that differ in length.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Length of each.
+    remedy : str
+
+    Raises
+    ------
+    InputError
+    """
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        refuse(path, f"the columns differ in length ({listed}); {remedy}")
+
+
 def torque_column(names: Iterable[str]) -> str | None:
     """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
 

@@ -28,6 +28,7 @@ from rverror.runs.reading import (
     SPEEDS,
     Reading,
     bare_name,
+    check_lengths,
     check_needed,
     refuse,
 )
@@ -100,10 +101,8 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
     entries |= {key: found_entry(file, mapping, where) for key, where in kept.items()}
     stored = dict(zip(entries, file.read(entries.values()), strict=True))
-    sizes = {key: array.size for key, array in stored.items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{key} ({shown(entries[key].name, 60)}) {size}" for key, size in sizes.items())
-        file.refuse(f"the columns differ in length ({listed}); record them at one rate, or export them again")
+    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
+    check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
     columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
     extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in kept}

@@ -18,7 +18,16 @@ from rverror.runs.bench.header import header_quantity, header_values, unknown_wo
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
 from rverror.runs.bench.numerals import number_in
 from rverror.runs.bench.values import core_values
-from rverror.runs.reading import HEADER_KEYS, ORDER_COLUMNS, ORDER_CONDITIONS, OrderRows, Stated, listed, refuse
+from rverror.runs.reading import (
+    HEADER_KEYS,
+    ORDER_COLUMNS,
+    ORDER_CONDITIONS,
+    OrderRows,
+    Stated,
+    check_lengths,
+    listed,
+    refuse,
+)
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
@@ -64,9 +73,8 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
     entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
     numbers = [key for key in entries if key != "direction"]
     arrays = file.read(entries[key] for key in numbers)
-    if len({array.size for array in arrays}) > 1:
-        sizes = ", ".join(f"{key} {array.size}" for key, array in zip(numbers, arrays, strict=True))
-        file.refuse(f"the columns differ in length ({sizes}); export them again")
+    sizes = {key: array.size for key, array in zip(numbers, arrays, strict=True)}
+    check_lengths(file.path, sizes, "export them again")
     columns = {
         key: core_values(file, key, rules[key], entries[key], array, notes)
         for key, array in zip(numbers, arrays, strict=True)
