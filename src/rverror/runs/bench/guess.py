@@ -52,7 +52,7 @@ class Guess:
         if len(self.fitting) > 1:
             return f"not guessed, for {names} fit alike"
         told = f"unit {self.unit}" if self.unit else "its unit is not told"
-        return f"guessed from the name {names}, {told}" if self.fitting else "no name fits"
+        return f"guessed from the name {names}, {told}"
 
 
 def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
