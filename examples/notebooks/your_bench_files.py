@@ -178,8 +178,7 @@ MAT = """
 [columns]
 input_angle = { name = "run/phi_in", unit = "counts", counts_per_turn = 36000 }
 output_angle = { name = "run/phi_out", unit = "deg", sign = -1 }
-[header]
-output_torque = { property = "run/M", unit = "N*m" }
+output_torque = { name = "run/M", unit = "N*m" }
 """
 TDMS = """
 [columns]
