@@ -118,7 +118,7 @@ time = { name = "Zeit [s]", unit = "s" }
 
 [header]
 output_torque = { property = "Last" }
-temperature = { name = "Öl [°C]", unit = "degC" }
+temperature = "40.2 degC"
 """
 (folder / "bench.toml").write_text(MAPPING, encoding="utf-8")
 read("forward.csv", "bench.toml")
@@ -178,7 +178,6 @@ MAT = """
 [columns]
 input_angle = { name = "run/phi_in", unit = "counts", counts_per_turn = 36000 }
 output_angle = { name = "run/phi_out", unit = "deg", sign = -1 }
-[header]
 output_torque = { name = "run/M", unit = "N*m" }
 """
 TDMS = """

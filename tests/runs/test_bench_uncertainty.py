@@ -15,7 +15,7 @@ R = 121
 
 
 def test_parts_simulated_one_by_one_scatter_as_said() -> None:
-    """Readings drawn as the parts of a bench make them: encoders within limits, a tilted joint, counts, noise."""
+    """Readings drawn as the parts of a bench make them: encoders within limits, a tilted joint, counts."""
     rng = np.random.default_rng(5)
     n, theta = 400_000, rng.uniform(0, 2 * math.pi, 400_000)
     tilt = 0.1 / 20
@@ -25,14 +25,7 @@ def test_parts_simulated_one_by_one_scatter_as_said() -> None:
     true = rng.uniform(0, 1, n)
     counted = np.round(true / out_quantum) * out_quantum - true
     fed = (np.round(R * true / in_quantum) * in_quantum - R * true) / R
-    reading = (
-        rng.uniform(-1.24, 1.24, n) * ARCSEC
-        + rng.uniform(-9, 9, n) * ARCSEC / R
-        + joint
-        + counted
-        - fed
-        + rng.normal(0, 0.6 * ARCSEC / math.sqrt(3), n)
-    )
+    reading = rng.uniform(-1.24, 1.24, n) * ARCSEC + rng.uniform(-9, 9, n) * ARCSEC / R + joint + counted - fed
     found = bench_uncertainty(
         R,
         output_encoder="1.24 arcsec",
@@ -41,8 +34,6 @@ def test_parts_simulated_one_by_one_scatter_as_said() -> None:
         input_counts=4096,
         coupling_runout="0.1 mm",
         coupling_radius="20 mm",
-        noise="0.6 arcsec",
-        revolutions=3,
     )
     assert found.standard == pytest.approx(float(reading.std()), rel=0.01)
     inside = np.abs(reading - reading.mean()) < found.expanded
@@ -125,7 +116,7 @@ def test_intervals_hold_95_percent_of_simulated_encoders(true: str, runout: floa
         assert np.mean(off <= half / ARCSEC + 1e-9) >= 0.95, name
     if true == "order 40" and not runout:  # every lobe waits for the encoder: not a difference of two free readings
         off = np.abs(peak_to_peak(gears + errors) - peak_to_peak(gears))
-        assert np.mean(off <= found.expanded_difference / ARCSEC) < 0.95
+        assert np.mean(off <= math.sqrt(2) * found.expanded / ARCSEC) < 0.95
 
 
 def test_the_most_that_a_part_can_do_is_done_by_a_curve() -> None:
@@ -155,7 +146,6 @@ def test_a_shafts_reading_repeats_with_that_shaft() -> None:
         for order in (1.0, 2.0, 11.3, 64.5, abs(ratio), 2 * abs(ratio)):
             assert (fed.of_order(order) > 0) == (order >= abs(ratio))
             assert (read.of_order(order) > 0) == (abs(order - round(order)) < 0.05)
-    assert bench_uncertainty(R, noise="1 arcsec").of("rms") == 0  # how much of it is in a figure the run tells
 
 
 @pytest.mark.parametrize(
@@ -164,8 +154,6 @@ def test_a_shafts_reading_repeats_with_that_shaft() -> None:
         ({"ratio": 0.0}, "ratio = 0: must be"),
         ({"output_encoder": -1e-6}, "output_encoder = -0.206265 arcsec: must be 0 or more"),
         ({"output_counts": 0}, "output_counts = 0: must be 1 or more"),
-        ({"noise": -1e-6}, "noise = -1e-06: must be 0 or more"),
-        ({"noise": 1e-6, "revolutions": 0}, "revolutions = 0: must be 1 or more"),
         ({"coupling_runout": 0.1}, "coupling_runout has no coupling_radius"),
         ({"coupling_runout": 0.1, "coupling_radius": 0.0}, "coupling_radius = 0 mm: must be above 0"),
     ],

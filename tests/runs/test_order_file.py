@@ -110,7 +110,7 @@ def test_a_wave_is_what_the_design_says(tmp_path: Path) -> None:
         f"{100 * math.pi / 30!r},298.15,40,{2 / 3600!r},{math.pi / 6!r}\n",
         "# kind: orders\n# output_torque: 20 N*m\ndirection,input_speed[deg/s],temperature[degC],output_torque[kN*m],"
         "order,amplitude[urad],phase[deg]\n"
-        f'"reverse", 600 ,25,0.02,40,{2 * ARCSEC * 1e6!r},390 # a remark\n\n',
+        f'"reverse", 600 ,25,0.02,40,{2 * ARCSEC * 1e6!r},390\n# a remark\n\n',
     ],
     ids=["header", "core units", "other units, and a header that agrees"],
 )
@@ -171,7 +171,7 @@ def test_columns_and_keys_without_a_meaning_are_noted(tmp_path: Path) -> None:
                  "phase[deg],rank,comment\nforward,40,2,30,1,good\n")  # fmt: skip
     assert table.metadata["bench"] == "north"
     assert any("'temperatur' in line 2" in note and "did you mean 'temperature'?" in note for note in table.notes)
-    assert "2 columns without a meaning here left out (rank, comment)" in table.notes
+    assert "2 columns of the file left out, not in the mapping: 'rank', 'comment'" in table.notes
     assert len(table.notes) == 2
 
 
@@ -187,8 +187,8 @@ ROW = "forward,40,2,30\n"
 WRONG = {
     "no kind": (POLAR.replace("# kind: orders\n", "# te: x\n") + ROW, ", line 1: ", "write '# kind: orders'"),
     "other kind": (POLAR.replace("orders", "runs") + ROW, ", line 1: kind = 'runs'", "must be orders"),
-    "empty": ("", "the file is empty", "write 'direction,"),
-    "no rows": (POLAR, ", line 2: no rows below the column names", "write one for each order"),
+    "empty": ("", "the file is empty", "give one"),
+    "no rows": (POLAR, ", line 2: no rows below the column names", "measure or export it"),
     "no direction": (
         "# kind: orders\norder,amplitude[arcsec],phase[deg]\n40,2,30\n",
         ", line 2: there is no direction",
@@ -304,11 +304,6 @@ WRONG = {
         ", line 7: output_torque = -300 N*m: must be 0 or more",
         "give its size",
     ),
-    "torque below 0 above": (
-        "# output_torque: -20 N*m\n" + POLAR + ROW,
-        ", line 1: output_torque = -20 N*m: must be 0 or more",
-        "give its size",
-    ),
     "speed below 0": (
         GOOD.replace("forward,100,25,300", "forward,-100,25,300"),
         ", line 7: input_speed = -100 rpm: must be 0 or more",
@@ -316,7 +311,7 @@ WRONG = {
     ),
     "too cold": (
         GOOD.replace("25,300", "-300,300"),
-        ", line 7: temperature: -26.85 K lies below absolute zero",
+        ", line 7: temperature = -300 degC: lies below absolute zero",
         "check",
     ),
     "sigma 0": (SIGMA + "forward,40,2,30,0\n", ", line 3: sigma = 0 arcsec: must be above 0", "leave the column out"),
@@ -338,14 +333,13 @@ WRONG = {
     "a short row": (POLAR + ROW + "forward,40,2\n", ", line 4: 3 cells, but 4 column names", "complete the row"),
     "a column twice": (
         POLAR.replace("order,", "order,order,") + "forward,1,1,1,1\n",
-        ", line 2, column 3: order stands in column 2 too",
+        ", line 2, column 3: 'order' and column 2 are both order",
         "leave one",
     ),
-    "semicolons": (GOOD.replace(",", ";"), "the columns are separated by semicolons", "use ','"),
     "a key among the rows": (
         POLAR + ROW + "# direction: reverse\n" + ROW,
         ", line 4: direction stands among the rows",
-        "make it a column",
+        "write it above the column names",
     ),
     "a key twice": (
         "# temperature: 5 degC\n# temperature: 6 degC\n" + POLAR + ROW,
@@ -457,10 +451,10 @@ def test_arrays_may_be_quantities() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"direction": "mixed"}, "row 0: direction = 'mixed': must be forward or reverse"),
-        ({"direction": 0}, "row 0: direction = 0: must be 'forward', 'reverse'"),
-        ({"direction": True}, "row 0: direction = True: must be"),
-        ({"direction": None}, "row 0: direction = None: must be"),
+        ({"direction": "mixed"}, "direction = 'mixed': must be 'forward' or 'reverse'"),
+        ({"direction": 0}, "direction = 0: must be 'forward' or 'reverse'"),
+        ({"direction": True}, "direction = True: must be"),
+        ({"direction": None}, "direction = None: must be"),
         ({"direction": [1]}, r"the columns differ in length .*direction 1.* give all the same"),
         ({"order": [40, 0]}, "row 1: order = 0: must be above 0"),
         ({"order": [40, np.nan]}, "row 1: order is no number"),
@@ -580,7 +574,7 @@ def case(direction: float = 1.0, sigma: float | None = None, waves: Any = (1e-5,
     [
         ((), "no usable rows"),
         ((case(torque=1.0), case(-1.0)), "1 of 2 cases have no torque, others have; complete them"),
-        ((case(sigma=1e-6), case(-1.0)), "1 of 2 cases have no sigma, others have; give it"),
+        ((case(sigma=1e-6), case(-1.0)), "1 of 2 cases have no sigma, others have; complete them"),
         ((case(sigma=0.0),), "must be above 0"),
         ((case(2.0),), "direction = 2.0: must be"),
         ((case(torque=-1.0),), "must be 0 or more"),

@@ -15,7 +15,8 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
-from rverror.runs.bench.columns import BenchFile, Entry, RawArray, plain_number
+from rverror.runs.bench.columns import BenchFile, Entry, RawArray
+from rverror.runs.bench.numerals import number_in
 
 SUFFIXES = (".dfq", ".dfd", ".dfx")
 _FIELD = re.compile(r"(K\d{4})(?:/(\d+))?(?:/(\d+))?(?:\s+(.*))?$")
@@ -75,13 +76,13 @@ def open_aqdef(path: PathLike) -> tuple[BenchFile, _Fields]:
         return [row.get(columns[place], "") for row in rows]
 
     def read(places: Sequence[int]) -> list[RawArray]:
-        numbers = ([plain_number(word.replace(",", ".")) for word in cells(place)] for place in places)
+        numbers = ([number_in(word.replace(",", ".")) for word in cells(place)] for place in places)
         return [np.array(each, dtype=np.float64) for each in numbers]  # None is NaN
 
     entries = tuple(Entry(name=each, unit=unit.get(each, "")) for each in columns)
     return BenchFile(
         path=name, kind="text", entries=entries, columns=read, cells=cells, notes=notes, noun="piece",
-        labels=np.arange(len(rows)) + 1, parse=plain_number,
+        labels=np.arange(len(rows)) + 1,
     ), nominal  # fmt: skip
 
 

@@ -156,7 +156,7 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     file, errors = content.get("file", {}), content.get("error", [])
     if not isinstance(file, dict) or not isinstance(errors, list):
         toml.refuse(tuple(given), "write [file], and [[error]] with two brackets above each error")
-    toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "thousands", "skip"), "key of [file]")
+    toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "skip"), "key of [file]")
     if "count" in content and kind != "roller":
         toml.refuse(("count",), f"count: only rollers come in classes, not a {kind}; leave it out")
     named: dict[str, Where | None] = dict.fromkeys(("serial", "count"))

@@ -27,6 +27,7 @@ from rverror.parts.parts_table import Finding, collected, is_parts_table, read_p
 from rverror.runs.bench.columns import BenchFile, as_samples
 from rverror.runs.bench.file import found_entry, left_out_columns
 from rverror.runs.bench.mapping import BenchMapping, TextRules, Where
+from rverror.runs.bench.numerals import number_in
 from rverror.runs.bench.text import open_lines, open_text
 from rverror.runs.bench.values import core_scale
 
@@ -237,7 +238,7 @@ def _sizes(
     factor, zero = core_scale(file, key, column.rule, entry, column.dimension, unit, notes)
     expected = column.nominal
     if expected is None:
-        stated = file.parse(nominal.get(entry.name, "").replace(",", "."))
+        stated = number_in(nominal.get(entry.name, "").replace(",", "."))
         if stated is None:
             raise InputError(
                 f"{file.path}: it states no nominal value (K2101) of {shown(entry.name)}; write it in the mapping"

@@ -78,6 +78,9 @@ class FaultBounds:
     most_slips: int = 20
 
 
+BOUNDS = FaultBounds()
+
+
 @dataclass(frozen=True)
 class LevelStep:
     """A step from level to level.

@@ -17,7 +17,7 @@ from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
@@ -91,8 +91,6 @@ class Faults:
     gaps : tuple of Gap
     doubled : int
         Rows that repeat the one before.
-    twice : int
-        Angles that were read again at once, with another reading; both are kept.
     still : tuple of (int, int)
         First sample and number of samples of each standstill; the first is kept.
     turned : tuple of int
@@ -108,33 +106,15 @@ class Faults:
     slips: tuple[Slip, ...] = ()
     gaps: tuple[Gap, ...] = ()
     doubled: int = 0
-    twice: int = 0
     still: tuple[tuple[int, int], ...] = ()
     turned: tuple[int, ...] = ()
     count: float = 0.0
 
-    @property
-    def segments(self) -> list[slice]:
-        """Unbroken stretches of the samples kept, slices of ``theta[kept]``: the noise's filter restarts at each.
-
-        A gap, a sample set aside, a change of direction and a slip break the series; a doubled row does not.
-        """
-        broken = np.zeros(self.theta.size + 1, dtype=bool)
-        broken[[*self.turned, *(gap.index for gap in self.gaps), *(slip.index for slip in self.slips)]] = True
-        # What is set aside leaves a hole, unless it only repeats the angle before.
-        broken[:-1] |= ~self.kept & ~_again(self.theta)
-        part = np.cumsum(broken[:-1])[self.kept]
-        edges = [0, *(np.flatnonzero(np.diff(part)) + 1).tolist(), part.size]
-        return [slice(a, b) for a, b in pairwise(edges) if b > a]
-
-    def levels(self) -> Index:
-        """Number of the level at each sample, shape (n,): 0 before the first slip, one more after each."""
-        places = np.array([slip.index for slip in self.slips], dtype=np.intp)
-        return np.searchsorted(places, np.arange(self.theta.size), side="right")
-
     def shift(self) -> Array:
         """Sum of the slips before each sample, rad, shape (n,)."""
-        return np.concatenate([[0.0], np.cumsum([slip.size for slip in self.slips])])[self.levels()]
+        steps = np.zeros(self.theta.size)
+        steps[[slip.index for slip in self.slips]] = [slip.size for slip in self.slips]
+        return np.cumsum(steps)
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of fault: how many, where, how large; empty for a clean run."""
@@ -147,7 +127,6 @@ def find_faults(
     *,
     residual: bool = False,
     earlier: Faults | None = None,
-    bounds: FaultBounds | None = None,
 ) -> Faults:
     """Find what cannot be in a run.
 
@@ -162,7 +141,6 @@ def find_faults(
     earlier : Faults, optional
         What the first pass found; its samples are not looked at again, and the result holds both.  The fit that left
         the residual has to give each of its slips a level of its own: what is left of a step adds to it.
-    bounds : FaultBounds, optional
 
     Returns
     -------
@@ -181,24 +159,23 @@ def find_faults(
     >>> find_faults(theta, error).notes()
     ('1 spike set aside (sample 321, 20.5 arcsec)',)
     """
-    bounds = bounds or FaultBounds()
     theta, error = np.asarray(theta, dtype=np.float64), np.asarray(error, dtype=np.float64)
     if theta.ndim != 1 or theta.shape != error.shape or not (np.isfinite(theta).all() and np.isfinite(error).all()):
         raise ValueError("angle and error have to be rows of finite numbers, of the same length")
-    found = _series(theta, error, bounds) if earlier is None else earlier
-    have, floor = error[found.kept], bounds.counts * found.count
-    far = far_off(have, floor, bounds)
+    found = _series(theta, error) if earlier is None else earlier
+    have, floor = error[found.kept], BOUNDS.counts * found.count
+    far = far_off(have, floor)
     if earlier is None:
-        _check(found, bounds, far)
+        _check(found, far)
     searches = [_as_read, _in_noise] if residual else [_as_read]
-    if residual and not far and not far_off(np.diff(have), floor, bounds):
+    if residual and not far and not far_off(np.diff(have), floor):
         searches = [_in_noise]  # nothing here is large
     values = error
     for search in searches:
         for stretch in _stretches(found):
             known = found
-            found = search(found, values, stretch, bounds)
-            _check(found, bounds)
+            found = search(found, values, stretch)
+            _check(found)
             if found is not known:  # the next search sees no step of this one
                 values = values - (found.shift() - known.shift())
     return found
@@ -211,14 +188,14 @@ _FINEST = 1e-3 * ARCSEC
 # --- the series of angles ---------------------------------------------------------------------------------------------
 
 
-def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
+def _series(theta: Array, error: Array) -> Faults:
     """What the angles alone tell: doubled rows, standstill, gaps, changes of direction."""
     n = theta.size
     kept = np.ones(n, dtype=bool)
     again = _again(theta)
     starts = np.append(np.flatnonzero(~again), n)  # of runs of one angle
     lengths = np.diff(starts)
-    long = lengths >= max(bounds.standstill, 10 * float(np.mean(lengths)))
+    long = lengths >= max(BOUNDS.standstill, 10 * float(np.mean(lengths)))
     still = tuple(zip(starts[:-1][long].tolist(), lengths[long].tolist(), strict=True))
     for first, number in still:
         kept[first + 1 : first + number] = False
@@ -227,7 +204,7 @@ def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
     places = np.flatnonzero(kept)
     moved = np.flatnonzero(kept & ~again)
     turned = [int(places[i]) for i in _turned(theta[places])]
-    gaps = _gaps(theta[moved], np.isin(moved, turned), bounds)
+    gaps = _gaps(theta[moved], np.isin(moved, turned))
     return Faults(
         theta,
         kept,
@@ -235,7 +212,6 @@ def _series(theta: Array, error: Array, bounds: FaultBounds) -> Faults:
         np.zeros(0),
         gaps=tuple(replace(gap, index=int(moved[gap.index])) for gap in gaps),
         doubled=int(np.count_nonzero(doubled)),
-        twice=int(np.count_nonzero(again & kept)),
         still=still,
         turned=tuple(turned),
         count=_count(theta + error),
@@ -259,7 +235,7 @@ def _turned(theta: Array) -> list[int]:
     return [extreme + 1 for extreme in reversals(way, jitter)[0]]
 
 
-def _gaps(theta: Array, turned: Mask, bounds: FaultBounds) -> list[Gap]:
+def _gaps(theta: Array, turned: Mask) -> list[Gap]:
     """Steps too long for their neighbours, and long steps back, of angles that all differ from the one before."""
     steps = np.diff(theta)
     size = np.abs(steps)
@@ -272,7 +248,7 @@ def _gaps(theta: Array, turned: Mask, bounds: FaultBounds) -> list[Gap]:
         usual = np.maximum(usual, np.median([padded[i : i + size.size] for i in (0, 1, 2, 4, 5, 6)], axis=0))
     ratio = size / usual
     gaps = []
-    for i in np.flatnonzero(ratio > (bounds.even_gap if even else bounds.uneven_gap) * (1 + 1e-9)).tolist():
+    for i in np.flatnonzero(ratio > (BOUNDS.even_gap if even else BOUNDS.uneven_gap) * (1 + 1e-9)).tolist():
         sense = np.sign(np.delete(steps[max(i - 3, 0) : i + 4], min(i, 3))).sum()
         back = sense * steps[i] < 0 and not turned[i + 1]
         span, samples = (-float(size[i]), 0) if back else (float(size[i] - usual[i]), round(ratio[i]) - 1)
@@ -304,13 +280,13 @@ def _count(reading: Array) -> float:
 # --- the two searches -------------------------------------------------------------------------------------------------
 
 
-def _as_read(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) -> Faults:
+def _as_read(found: Faults, error: Array, stretch: slice) -> Faults:
     places = np.flatnonzero(found.kept[stretch]) + stretch.start
     # No parabola bridges a long gap.
     cuts = [gap.index for gap in found.gaps if gap.samples == 0 or gap.samples > WIDEST_SLIP]
     pieces = np.split(places, np.searchsorted(places, cuts))
     for piece in pieces:
-        have = certain_faults(found.theta[piece], error[piece], bounds.counts * found.count, bounds)
+        have = certain_faults(found.theta[piece], error[piece], BOUNDS.counts * found.count)
         found = _joined(found, have, piece)
     at_gaps = _steps_at_gaps([piece for piece in pieces if piece.size >= NEAR], error - found.shift())
     return _without_wrong_angles(_joined(found, FoundFaults({}, at_gaps), np.arange(error.size)), stretch)
@@ -358,7 +334,7 @@ def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
     )
 
 
-def _in_noise(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) -> Faults:
+def _in_noise(found: Faults, error: Array, stretch: slice) -> Faults:
     samples, place, pieces = _grid(found, stretch)
     if not samples.size:
         return found
@@ -367,7 +343,7 @@ def _in_noise(found: Faults, error: Array, stretch: slice, bounds: FaultBounds) 
     inside = [slip.index for slip in found.slips if samples[0] < slip.index <= samples[-1]]
     known = place[np.searchsorted(samples, inside)].tolist()
     theta = np.interp(np.arange(good.size), place, found.theta[samples])
-    have = faults_in_noise(theta, values, good, pieces, known, bounds.counts * found.count, bounds)
+    have = faults_in_noise(theta, values, good, pieces, known, BOUNDS.counts * found.count)
     return _joined(found, have, samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)])
 
 
@@ -424,16 +400,16 @@ def _joined(found: Faults, have: FoundFaults, places: Index) -> Faults:
 # --- what is said -----------------------------------------------------------------------------------------------------
 
 
-def _check(found: Faults, bounds: FaultBounds, spikes: int = 0) -> None:
+def _check(found: Faults, spikes: int = 0) -> None:
     spikes, slips, n = max(spikes, found.spikes.size), len(found.slips), found.theta.size
-    if spikes > max(bounds.most_spikes * n, 3):
+    if spikes > max(BOUNDS.most_spikes * n, 3):
         raise ValueError(
-            f"{spikes} of {n} samples ({100 * spikes / n:.2g} %) are spikes, at most {100 * bounds.most_spikes:g} % "
+            f"{spikes} of {n} samples ({100 * spikes / n:.2g} %) are spikes, at most {100 * BOUNDS.most_spikes:g} % "
             "may be set aside: the channel is broken; check cable, earth and encoder, and measure again"
         )
-    if slips > bounds.most_slips:
+    if slips > BOUNDS.most_slips:
         raise ValueError(
-            f"the reading slips {slips} times, at most {bounds.most_slips} times may be borne; check the coupling of "
+            f"the reading slips {slips} times, at most {BOUNDS.most_slips} times may be borne; check the coupling of "
             "the encoder and its counter, or where the load is light take a larger one, and measure again"
         )
 
@@ -448,14 +424,8 @@ def _notes(found: Faults) -> tuple[str, ...]:
             f"{count_of(found.spikes.size, 'spike')} set aside ({what} {some(found.spikes.tolist())}, "
             f"{upto}{brief(largest, 3)} arcsec)"
         )
-    back = {gap.index: "" for gap in found.gaps if not gap.samples}
     for slip in found.slips:
-        size = (
-            f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec{_in_counts(slip, found)}"
-        )
-        if slip.index in back and not slip.of_input:
-            back[slip.index] = f", the reading by {size}"
-            continue
+        size = f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec"
         place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
         if slip.of_input:
             lines.append(
@@ -475,25 +445,10 @@ def _notes(found: Faults) -> tuple[str, ...]:
         if not gap.samples:
             by = f"{brief(math.degrees(-gap.span), 4)} deg"
             lines.append(
-                f"the angle jumps back by {by} at sample {gap.index}{back[gap.index]}: two runs in one, or a counter "
-                "that starts again"
+                f"the angle jumps back by {by} at sample {gap.index}: two runs in one, or a counter that starts again"
             )
     if found.doubled:
         lines.append(f"{count_of(found.doubled, 'doubled row')} left out")
-    # Where it is usual the drive is slow for its counts.
-    if 0 < found.twice < 0.05 * found.theta.size:
-        lines.append(f"{count_of(found.twice, 'angle')} read twice in a row, with another reading; both are kept")
     for first, number in found.still:
         lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
     return tuple(lines)
-
-
-def _in_counts(slip: Slip, found: Faults) -> str:
-    """A slip in whole turns or counts, where it is many."""
-    for unit, name in ((_TURN, "turn"), (found.count, "count")):
-        if unit and not slip.of_input:
-            number = round(slip.size / unit)
-            within = 3 * slip.uncertainty + 1e-6 * abs(slip.size)
-            if number and abs(slip.size - number * unit) < within < unit / 4:
-                return f", {count_of(abs(number), name)}"
-    return ""

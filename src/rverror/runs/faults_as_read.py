@@ -6,9 +6,9 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.runs.fault_bounds import (
+    BOUNDS,
     ROUNDS,
     WIDEST_SLIP,
-    FaultBounds,
     FoundFaults,
     Index,
     LevelStep,
@@ -30,7 +30,7 @@ _LARGER = 4.0
 _BLOCK = 64
 
 
-def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds) -> FoundFaults:
+def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
     """Find spikes and slips that are certain whatever the gear error is.
 
     Parameters
@@ -41,7 +41,6 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         Transmission error, rad.
     floor : float
         What is smaller is none, rad.
-    bounds : FaultBounds
 
     Returns
     -------
@@ -49,17 +48,17 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
     """
     if theta.size < 4 * NEAR:
         return FoundFaults({}, ())
-    sides, beyond = _Sides(theta), NEAR + bounds.longest_burst
+    sides, beyond = _Sides(theta), NEAR + BOUNDS.longest_burst
     sides_beyond = _Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
     values = error.copy()
     off: set[int] = set()
     doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
         clean = np.where(np.isnan(doubtful), values, doubtful)
-        more = _bursts(sides, values, clean, floor, bounds)
+        more = _bursts(sides, values, clean, floor)
         ends, last = (_end(clean), _end(clean[::-1])), theta.size - 1
         as_read, as_clean = (_mirrored(row, beyond, *ends) for row in (values, clean))
-        places_beyond = (at - beyond for at in _bursts(sides_beyond, as_read, as_clean, floor, bounds))
+        places_beyond = (at - beyond for at in _bursts(sides_beyond, as_read, as_clean, floor))
         folded = {abs(at) if at <= last else 2 * last - at for at in places_beyond}
         more |= {at for at in folded - off if not NEAR <= at <= last - NEAR and _stands_out(values, clean, at)}
         if not more:
@@ -74,7 +73,7 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         before, after = sides.fitted(clean)
         x = sides.at[inside]
         values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
-    apart = error - _running_median(error, 2 * bounds.longest_burst + 1)
+    apart = error - _running_median(error, 2 * BOUNDS.longest_burst + 1)
     # what comes again in other turns is the gear's
     found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
     away = {at: abs(float(error[at] - values[at])) for at in off}
@@ -98,10 +97,10 @@ def certain_faults(theta: Array, error: Array, floor: float, bounds: FaultBounds
         if not further:
             break
     apart_from_gear = [step for step in steps if not repeats(theta, rises, step.first)]
-    return FoundFaults(found, tuple(_set_apart(apart_from_gear, read, bounds)))
+    return FoundFaults(found, tuple(_set_apart(apart_from_gear, read)))
 
 
-def _set_apart(steps: list[LevelStep], read: Array, bounds: FaultBounds) -> list[LevelStep]:
+def _set_apart(steps: list[LevelStep], read: Array) -> list[LevelStep]:
     """Steps that are certain and last, and are so much larger than all others that no gear error makes them.
 
     At light load a gear train jumps from contact to contact, by sizes that go down gradually, and what lies between
@@ -111,7 +110,7 @@ def _set_apart(steps: list[LevelStep], read: Array, bounds: FaultBounds) -> list
     sizes = [*(abs(step.size) for step in steps), 0.0]
     level, taken, least = read.copy(), 0, float(np.ptp(read))
     for i, step in enumerate(steps):
-        if abs(step.size) <= bounds.certain * step.spread:
+        if abs(step.size) <= BOUNDS.certain * step.spread:
             break
         level[step.last :] -= step.size
         if sizes[i] > 2 * sizes[i + 1] and (i == 0 or np.ptp(level) <= least):
@@ -119,13 +118,13 @@ def _set_apart(steps: list[LevelStep], read: Array, bounds: FaultBounds) -> list
     return steps[:taken]
 
 
-def far_off(error: Array, floor: float, bounds: FaultBounds) -> int:
+def far_off(error: Array, floor: float) -> int:
     """Count samples far from the median of five neighbours, by a scatter that bears almost a third of them."""
     if error.size < 4 * NEAR:
         return 0
     rest = np.abs(error - _running_median(error, 5))
     usual = float(np.median(rest[rest > 0])) / 0.6745 if rest.any() else 0.0
-    return int(np.count_nonzero(rest > max(bounds.certain * usual, floor)))
+    return int(np.count_nonzero(rest > max(BOUNDS.certain * usual, floor)))
 
 
 def _running_median(values: Array, width: int) -> Array:
@@ -225,12 +224,12 @@ def _applied(matrices: Array, windows: Array) -> Array:
     return np.asarray((matrices @ windows[..., None])[..., 0].T, dtype=np.float64)
 
 
-def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: FaultBounds) -> set[int]:
+def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int]:
     """Samples that both sides say are off; of neighbours the worst only.  `clean` has no doubtful ones."""
     before, after = sides.fitted(clean)
     best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
     rest = clean - values
-    for length in range(1, bounds.longest_burst + 1):
+    for length in range(1, BOUNDS.longest_burst + 1):
         k = np.arange(NEAR, sides.size - length - NEAR + 1)  # first of the burst
         off, by_before, by_after = np.empty((3, length, k.size))
         cleaned = np.zeros(k.size)
@@ -246,7 +245,7 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float, bounds: Fa
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is predicted from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
-        score = _score(mean, mean + cleaned, alone, floor, bounds.certain)
+        score = _score(mean, mean + cleaned, alone, floor, BOUNDS.certain)
         better = score > best[k]
         best[k[better]], lengths[k[better]] = score[better], length
     return {first + j for first in peaks(best, 0.0, NEAR) for j in range(int(lengths[first]))}

@@ -12,8 +12,8 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.runs.fault_bounds import (
+    BOUNDS,
     ROUNDS,
-    FaultBounds,
     FoundFaults,
     Index,
     LevelStep,
@@ -47,7 +47,6 @@ def faults_in_noise(
     pieces: Sequence[tuple[int, int]],
     known: Sequence[int],
     floor: float,
-    bounds: FaultBounds,
 ) -> FoundFaults:
     """Find spikes and slips in a residual.
 
@@ -65,7 +64,6 @@ def faults_in_noise(
         Places of slips that are known: what is left of them is told first.
     floor : float
         What is smaller is none, rad.
-    bounds : FaultBounds
 
     Returns
     -------
@@ -74,31 +72,31 @@ def faults_in_noise(
     """
     values, good = np.where(good, values, 0.0), good.copy()
     tests = int(np.count_nonzero(good))
-    if tests < 4 * bounds.least_side or np.ptp(values[good]) == 0:
+    if tests < 4 * BOUNDS.least_side or np.ptp(values[good]) == 0:
         return FoundFaults({}, ())
     off: dict[int, float] = {}
     steps = {k: LevelStep(k, k, 0.0, math.nan) for k in known}
     for _ in range(ROUNDS):
         white = _whitened(values, good, pieces, _colour(values, good, pieces))
-        spikes, slips = _spike_scores(white, tests, bounds), _slip_scores(white, tests, bounds)
+        spikes, slips = _spike_scores(white, tests), _slip_scores(white, tests)
         taken: list[tuple[int, int]] = []
         for k, step in steps.items():
             # The colour is better known now, and with it the size; of two that are near one would take the other's.
-            if all(k == other or abs(k - other) > bounds.reach for other in steps):
+            if all(k == other or abs(k - other) > BOUNDS.reach for other in steps):
                 more, spread = float(slips.size[k]), float(slips.spread[k])
                 values[k:] -= more
                 steps[k] = LevelStep(step.first, step.last, step.size + more, spread)
                 if abs(more) > spread:
-                    taken.append((k, bounds.reach))
+                    taken.append((k, BOUNDS.reach))
         new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _ORDER)]
-        new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, bounds.reach)]
+        new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, BOUNDS.reach)]
         for score, k, single in sorted(new, reverse=True):
             # What is near a larger one waits until that is out; what comes once a turn is the gear's.
             if any(abs(k - other) <= wait for other, wait in taken):
                 continue
             if repeats(theta, (spikes if single else slips).size, k):
                 continue
-            taken.append((k, _ORDER if single else bounds.reach))
+            taken.append((k, _ORDER if single else BOUNDS.reach))
             if single:
                 for j in range(k, min(k + int(spikes.length[k]), good.size)):
                     if good[j]:
@@ -240,17 +238,17 @@ class _Scores:
     length: Index
 
 
-def _spike_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
+def _spike_scores(white: _Whitened, tests: int) -> _Scores:
     """Bursts that begin at each sample, of the length that stands out most."""
     n = white.values.size
     good = white.good.astype(np.float64)
     level = np.zeros(n)
-    power = _near(white.level**2, bounds.reach)
-    np.divide(_near(white.level * white.values, bounds.reach), power, out=level, where=power > 0)
+    power = _near(white.level**2, BOUNDS.reach)
+    np.divide(_near(white.level * white.values, BOUNDS.reach), power, out=level, where=power > 0)
     about = white.values - level * white.level
     best = _Scores(np.zeros(n), np.ones(n), np.zeros(n), 1.0, np.ones(n, dtype=np.intp))
-    for length in range(1, bounds.longest_burst + 1):
-        chance = bounds.spike_chance if length == 1 else bounds.burst_chance / (bounds.longest_burst - 1)
+    for length in range(1, BOUNDS.longest_burst + 1):
+        chance = BOUNDS.spike_chance if length == 1 else BOUNDS.burst_chance / (BOUNDS.longest_burst - 1)
         threshold = math.sqrt(chi_square(chance / tests, 1))
         kernel = np.convolve(white.filter, np.ones(length))
         power = _ahead(good, kernel * kernel)
@@ -266,9 +264,9 @@ def _spike_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
     return best
 
 
-def _slip_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
+def _slip_scores(white: _Whitened, tests: int) -> _Scores:
     """Steps at each sample, from a level over `reach` samples on each side, and once more from a common trend too."""
-    n, reach = white.values.size, bounds.reach
+    n, reach = white.values.size, BOUNDS.reach
     k = np.arange(n)
     good = white.good.astype(np.float64)
     # The whitened step rises as the running sum of the filter, and is the whitened level from there on.
@@ -290,15 +288,15 @@ def _slip_scores(white: _Whitened, tests: int, bounds: FaultBounds) -> _Scores:
         power, got = own - by_level**2 / level, by_value - by_level * value / level
         across, left = by_trend - by_level * both / level, trend - both**2 / level
         straight = (got - across * (slope - both * value / level) / left) / np.sqrt(power - across**2 / left)
-    sure = (sides >= bounds.least_side) & (power > 1e-6 * own)
-    threshold = math.sqrt(chi_square(bounds.slip_chance / tests, 1))
+    sure = (sides >= BOUNDS.least_side) & (power > 1e-6 * own)
+    threshold = math.sqrt(chi_square(BOUNDS.slip_chance / tests, 1))
     power = np.where(sure, power, 1.0)
     size = np.where(sure, got / power, 0.0)
     spread = white.louder / np.sqrt(power)
     if n > 4 * reach:
         # Drift and lines that no fit took are no noise of this colour: then all scores scatter by more than 1.
         spread *= max(1.0, float(scatter((size / spread)[sure])) / _RESTLESS)
-    able = white.good & (np.abs(straight) > bounds.straight * threshold * white.louder)
+    able = white.good & (np.abs(straight) > BOUNDS.straight * threshold * white.louder)
     score = np.where(able, np.abs(size) / spread / threshold, 0.0)
     return _Scores(size, spread, score, threshold, np.ones(n, dtype=np.intp))
 

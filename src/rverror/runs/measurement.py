@@ -27,7 +27,7 @@ from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
-from rverror.runs.bench.file import is_bench_file, read_bench_file
+from rverror.runs.bench.file import read_bench_file
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
 from rverror.runs.integration import INTEGRATED, without_line
@@ -37,16 +37,17 @@ from rverror.runs.reading import (
     COLUMN_NAME,
     COLUMNS,
     HEADER_KEYS,
+    HEADER_LINE,
     STATED,
     OfFile,
     Reading,
+    check_lengths,
     checked_value,
+    header_lines,
     refuse,
     row_of,
     torque_column,
 )
-from rverror.runs.run_file import read_run_file
-from rverror.runs.text_table import HEADER_LINE, header_lines
 
 __all__ = [
     "Run",
@@ -294,7 +295,7 @@ def load_run(
         If the file cannot be used; one line that names file, line, column, bound and remedy.
     """
     mapping = given_mapping(mapping)
-    if is_order_file(path) or (mapping is not None and mapping.orders.columns):
+    if is_order_file(path) or (mapping is not None and mapping.orders):
         return load_orders(path, mapping)
     return read_run(path, ratio, mapping)
 
@@ -312,10 +313,7 @@ def read_run(
         If the file cannot be used, or is an order table.
     """
     refuse_order_file(path)
-    mapping = given_mapping(mapping)
-    if mapping is None and not is_bench_file(path):
-        return _run(read_run_file(path), ratio)
-    return _run(read_bench_file(path, mapping or BenchMapping()), ratio)
+    return _run(read_bench_file(path, given_mapping(mapping) or BenchMapping()), ratio)
 
 
 def run_from_arrays(
@@ -374,9 +372,7 @@ def run_from_arrays(
     columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
     others = {name: row_of(name, value) for name, value in (extra or {}).items()}
     sizes = {name: values.size for name, values in (columns | others).items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-        refuse("", f"the columns differ in length ({listed}); give all the same number of samples")
+    check_lengths("", sizes, "give all the same number of samples")
     stated = STATED.get(direction) if isinstance(direction, str) else float(direction)
     if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
         refuse("", f"direction = {shown(direction)}: must be 'forward', 'reverse', 'mixed', +1 or -1")

@@ -7,18 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from rverror.base import units
 from rverror.model.ends import Encoders
 
 #: Coverage factor of every expanded uncertainty: 95 % of what is normal.
 COVERAGE = 2.0
-#: Half-width over standard deviation: between limits any value is as likely as another; a sine of unknown phase; noise.
-_DIVISORS = {"even": math.sqrt(3), "sine": math.sqrt(2), "normal": 1.0}
+#: Half-width over standard deviation: between limits any value is as likely as another; a sine of unknown phase.
+_DIVISORS = {"even": math.sqrt(3), "sine": math.sqrt(2)}
 
 Figure = Literal["reading", "peak_to_peak", "rms"]
 #: The most a reading error within plus or minus 1 makes of each figure: any curve, and a wave.
 _MOST: Mapping[str, Mapping[str, float]] = {
-    "reading": {"even": 1.0, "sine": 1.0, "normal": 1.0},
+    "reading": {"even": 1.0, "sine": 1.0},
     "peak_to_peak": {"even": 2.0, "sine": 2.0},
     "rms": {"even": 1.0, "sine": math.sqrt(0.5)},
     "amplitude": {"even": 4 / math.pi, "sine": 1.0},
@@ -35,21 +34,21 @@ class UncertaintyPart:
     ----------
     name : str
     limit : float
-        How far it may move a figure, rad; one standard deviation of noise.
+        How far it may move a figure, rad.
     distribution : str
-        ``"even"`` between the limits, ``"sine"`` of unknown phase, ``"normal"``.
+        ``"even"`` between the limits, or ``"sine"`` of unknown phase.
     standard : float
         Standard uncertainty, rad: the limit over the divisor.
     order : float
         The order per output turn that a wave has, or of which the orders of a curve are whole multiples: a shaft's
-        reading repeats with that shaft.  NaN for noise, which has all.
+        reading repeats with that shaft.
     """
 
     name: str
     limit: float
     distribution: str
     standard: float
-    order: float = math.nan
+    order: float
 
     @property
     def divisor(self) -> float:
@@ -83,11 +82,6 @@ class BenchUncertainty:
     def expanded(self) -> float:
         """Half of the 95 % interval of the error at one angle, rad: k = 2 times the standard uncertainty."""
         return COVERAGE * self.standard
-
-    @property
-    def expanded_difference(self) -> float:
-        """The same of a difference of two readings that err independently, rad; a peak-to-peak's is `of`'s."""
-        return math.sqrt(2) * self.expanded
 
     def of(self, figure: Figure) -> float:
         """Expanded uncertainty, k = 2, of a figure of the whole waveform, rad.
@@ -127,7 +121,6 @@ class BenchUncertainty:
         Returns
         -------
         tuple of UncertaintyPart
-            Noise in that of a reading only: how much of it is in the others the run tells.
         """
         return _for_figure(self.parts, figure)
 
@@ -137,7 +130,6 @@ def _for_figure(parts: tuple[UncertaintyPart, ...], figure: str) -> tuple[Uncert
     return tuple(
         replace(one, limit=one.limit * most[one.distribution], standard=one.standard * most[one.distribution])
         for one in parts
-        if one.distribution in most
     )
 
 
@@ -145,38 +137,20 @@ def _expanded(parts: tuple[UncertaintyPart, ...]) -> float:
     return COVERAGE * math.hypot(*(one.standard for one in parts))
 
 
-def bench_uncertainty(
-    ratio: float,
-    *,
-    output_encoder: Any = 0.0,
-    input_encoder: Any = 0.0,
-    output_counts: int | None = None,
-    input_counts: int | None = None,
-    coupling_runout: Any = 0.0,
-    coupling_radius: Any | None = None,
-    noise: Any = 0.0,
-    revolutions: int = 1,
-) -> BenchUncertainty:
+def bench_uncertainty(ratio: float, **encoders: Any) -> BenchUncertainty:
     r"""Uncertainty that the parts of a bench leave in a measured transmission error.
 
     .. math:: u^2 = \frac{a_o^2}{3} + \frac{a_i^2}{3 R^2} + \frac{(\varphi^2/4)^2}{2} + \frac{q_o^2}{12}
-              + \frac{q_i^2}{12 R^2} + \frac{s^2}{n}
+              + \frac{q_i^2}{12 R^2}
 
     Parameters
     ----------
     ratio : float
         R, input turns per output turn.
-    output_encoder, input_encoder : float or quantity
-        Accuracy that the maker states, plus or minus, rad.
-    output_counts, input_counts : int, optional
-        Counts a turn, by which readings are rounded; none where left out.
-    coupling_runout, coupling_radius : float or quantity
-        Axial runout of the output encoder's coupling, plus or minus, at that radius, mm.  It tilts by phi, runout over
-        radius, and turns the encoder as a universal joint does, by phi^2/4 twice a turn: the most a coupling does.
-    noise : float or quantity
-        Standard deviation of the noise, rad.
-    revolutions : int
-        Turns over which the error is averaged.
+    **encoders : float or quantity
+        As `rverror.model.Encoders` takes them: accuracy and counts of each encoder, runout and radius of the coupling.
+        The runout tilts the coupling by phi, runout over radius, and turns the encoder as a universal joint does, by
+        phi^2/4 twice a turn.
 
     Returns
     -------
@@ -185,7 +159,7 @@ def bench_uncertainty(
     Raises
     ------
     ValueError
-        If the ratio is 0, a value is below 0, counts or revolutions below 1, or a runout has no radius.
+        If the ratio is 0, or as for `Encoders`.
 
     Notes
     -----
@@ -200,21 +174,7 @@ def bench_uncertainty(
     >>> round(found.of_order(1) / units.ARCSEC, 2), found.of_order(11.3)
     (1.82, 0.0)
     """
-    encoders = Encoders(
-        output_encoder=output_encoder,
-        input_encoder=input_encoder,
-        output_counts=output_counts,
-        input_counts=input_counts,
-        coupling_runout=coupling_runout,
-        coupling_radius=coupling_radius,
-    )
-    size = units.named_core("noise", noise, "angle")
-    if not size >= 0:
-        raise ValueError(f"noise = {size:g}: must be 0 or more; it stands for plus or minus")
-    if not revolutions >= 1:
-        raise ValueError(f"revolutions = {revolutions}: must be 1 or more")
-    random = [_part("noise", size / math.sqrt(revolutions), "normal")] if size else []
-    return _largest_first([*_systematic(encoders, ratio), *random])
+    return uncertainty_of(Encoders(**encoders), ratio) or BenchUncertainty(parts=())
 
 
 def uncertainty_of(encoders: Encoders, ratio: float) -> BenchUncertainty | None:
@@ -242,12 +202,6 @@ def uncertainty_of(encoders: Encoders, ratio: float) -> BenchUncertainty | None:
     >>> uncertainty_of(Encoders(), 121) is None
     True
     """
-    parts = _systematic(encoders, ratio)
-    return _largest_first(parts) if parts else None
-
-
-def _systematic(encoders: Encoders, ratio: float) -> list[UncertaintyPart]:
-    """Parts that are the same in every turn."""
     if not (math.isfinite(ratio) and ratio):
         raise ValueError(f"ratio = {ratio:g}: must be a number other than 0, input turns per output turn")
     turns = abs(ratio)
@@ -260,12 +214,11 @@ def _systematic(encoders: Encoders, ratio: float) -> list[UncertaintyPart]:
         ("output counts", math.pi / counts[0], "even", 1.0),
         ("input counts", math.pi / counts[1] / turns, "even", turns),
     ]
-    return [_part(*one) for one in listed if one[1]]
-
-
-def _part(name: str, limit: float, kind: str, order: float = math.nan) -> UncertaintyPart:
-    return UncertaintyPart(name=name, limit=limit, distribution=kind, standard=limit / _DIVISORS[kind], order=order)
-
-
-def _largest_first(parts: list[UncertaintyPart]) -> BenchUncertainty:
+    parts = [
+        UncertaintyPart(name=name, limit=limit, distribution=kind, standard=limit / _DIVISORS[kind], order=order)
+        for name, limit, kind, order in listed
+        if limit
+    ]
+    if not parts:
+        return None
     return BenchUncertainty(parts=tuple(sorted(parts, key=lambda one: -one.standard)))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
@@ -16,32 +16,18 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.directions import DIRECTIONS
-from rverror.base.errors import check_kind
+from rverror.base.directions import direction_signs
+from rverror.base.errors import InputError, check_kind
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, did_you_mean, shown, split_lines, write_text
+from rverror.base.text import PathLike, check_path, split_lines, write_text
 from rverror.runs import reading
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.bench.order_report import read_bench_orders
+from rverror.runs.bench.order_rows import KIND, ORDER_KEYS, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
-from rverror.runs.reading import ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows
-from rverror.runs.text_table import HEADER_LINE, NUMERALS, TextKind, TextTable, header_lines, opened
+from rverror.runs.reading import HEADER_LINE, ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows, header_lines
 
-#: What the header's ``kind`` says of an order table.
-KIND = "orders"
-
-_ORDERS = TextKind(
-    keys=("kind", "direction", *ORDER_CONDITIONS, "index"),
-    dimensions={**ORDER_COLUMNS, "direction": ""},
-    examples=ORDER_EXAMPLES,
-    names="direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]",
-    example="amplitude[arcsec]",
-    needed="write one for each order of each condition",
-    remedy=", or make it a column",
-)
 #: Attribute of a condition that has the number of a column.
 _ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
-_DIRECTIONS = {"forward": 1.0, "reverse": -1.0}
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
 
@@ -87,18 +73,7 @@ def refuse_order_file(path: PathLike) -> None:
         If the file is one.
     """
     if is_order_file(path):
-        refuse_table(str(path))
-
-
-def refuse_table(path: str) -> NoReturn:
-    """Refuse an order table where samples are needed.
-
-    Raises
-    ------
-    InputError
-        Always.
-    """
-    _refuse(path, "an order table holds no samples, and only diagnose takes one; give a run file here")
+        reading.refuse(str(path), "an order table holds no samples, and only diagnose takes one; give a run file here")
 
 
 def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) -> OrderTable:
@@ -133,171 +108,55 @@ def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) 
     """
     mapping = given_mapping(mapping)
     if mapping is None or is_order_file(path):
-        return _table(_own_rows(path))
-    _check_columns(mapping.path, "[orders]", mapping.orders.given)
-    return _table(read_bench_orders(path, mapping))
-
-
-def _own_rows(path: PathLike) -> OrderRows:
-    """Rows of a text whose header says what it is."""
-    text = opened(path, _ORDERS)
-    _check_kind(text)
-    scales = text.scales()
-    others = [name for name, scale in scales.items() if scale is None]
-    _check_columns(text.path, f"line {text.first + 1}", list(scales), others=others)
-    cells = text.cells(len(scales))
-    with np.errstate(over="ignore"):  # what overflows is left out below, and counted
-        columns = {
-            name: np.array([_number(row[at]) for row in cells]) * scale[0] + scale[1]
-            for at, (name, scale) in enumerate(scales.items())
-            if scale is not None and name != "direction"
-        }
-    notes = [*text.notes]
-    if others:
-        notes.append(f"{count_of(len(others), 'column')} without a meaning here left out ({', '.join(others)})")
-    return OrderRows(
-        path=text.path,
-        labels=tuple(place + 1 for place in text.rows),
-        noun="line",
-        directions=_directions(text, list(scales), cells),
-        columns=columns,
-        stated={
-            name: (number, f"line {text.header[name].line}")
-            for name, dimension in ORDER_CONDITIONS.items()
-            if (number := text.number(name, dimension)) is not None
-        },
-        index=text.index,
-        metadata=text.metadata,
-        notes=tuple(notes),
-    )
-
-
-def _check_kind(text: TextTable) -> None:
-    kind = text.header.get("kind")
-    if kind is None:
-        text.refuse(f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
-    if kind.value.lower() != KIND:
-        text.refuse(f"line {kind.line}: kind = {shown(kind.value)}: must be {KIND}")
-
-
-def _check_columns(path: str, where: str, names: Collection[str], *, others: Sequence[str] = ()) -> None:
-    """Refuse rows that do not tell which order they are of, or how large and where its wave is."""
-
-    def meant(*missing: str) -> str:
-        """Another column that may be meant."""
-        bare = {name.partition("[")[0].strip().lower(): name for name in others if name != "direction"}
-        for name in missing:
-            if match := next((bare[word] for word in bare if did_you_mean(word, [name])), None):
-                return f" did you mean {name!r} by {shown(match)}?"
-        return ""
-
-    given = set(names)
-    if "order" not in given:
-        _refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")
-    if {"cos", "sin"} <= given and (both := [name for name in ("amplitude", "phase") if name in given]):
-        _refuse(path, f"{where}: {' and '.join(both)} beside cos and sin; leave one form of them")
-    for one, other, why, remedy in _PAIRS:
-        if one in given and other not in given:
-            _refuse(path, f"{where}: {one} without {other}{why};{meant(other)} give {remedy}")
-    if not given & {"cos", "amplitude"}:
-        _refuse(
-            path,
-            f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
-            "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
-        )
-
-
-#: Columns that need another: what is not known without it, and what to give.
-_PAIRS = (
-    ("cos", "sin", "", "both, or amplitude and phase"),
-    ("sin", "cos", "", "both, or amplitude and phase"),
-    ("amplitude", "phase", ", so the waves are not known", "phase[deg], or cos[arcsec] and sin[arcsec]"),
-    ("phase", "amplitude", ", so the waves are not known", "amplitude[arcsec], or cos[arcsec] and sin[arcsec]"),
-)
-
-
-def _directions(text: TextTable, names: list[str], cells: Sequence[Sequence[str]]) -> tuple[float, ...]:
-    """+1 or -1 of each row."""
-    stated, line = None, 0
-    if "direction" in text.header:
-        line = text.header["direction"].line
-        stated = _direction(text.path, f"line {line}", text.header["direction"].value)
-    if "direction" not in names:
-        if stated is None:
-            text.refuse(
-                f"line {text.first + 1}: there is no direction; write '# direction: forward' above the names, or a "
-                "column 'direction'"
-            )
-        return (stated,) * len(cells)
-    at = names.index("direction")
-    found = []
-    for place, row in zip(text.rows, cells, strict=True):
-        value = _direction(text.path, f"line {place + 1}", row[at].strip().strip('"').strip())
-        if stated is not None and value != stated:
-            text.refuse(
-                f"line {place + 1}: direction = {way(value)}, but line {line} says {way(stated)}; leave one of them"
-            )
-        found.append(value)
-    return tuple(found)
-
-
-def _direction(path: str, where: str, word: Any) -> float:
-    value = DIRECTIONS.get(word.strip().lower()) if isinstance(word, str) else word
-    if isinstance(value, (bool, str)) or value not in (1, -1):
-        hint = did_you_mean(word, DIRECTIONS) if isinstance(word, str) else ""
-        remedy = "must be forward or reverse" if isinstance(word, str) else "must be 'forward', 'reverse', +1 or -1"
-        _refuse(path, f"{where}: direction = {shown(word)}: {remedy};{hint or ' write one of them'}")
-    return float(value)
-
-
-def _number(cell: str) -> float:
-    value = NUMERALS.parse(cell.strip().strip('"'))
-    return math.nan if value is None else value
+        mapping = BenchMapping()
+    return _table(read_order_rows(path, mapping))
 
 
 # --- rows become a table ----------------------------------------------------------------------------------------------
 
 
+#: Columns whose numbers have a bound of 0, those that must lie above it, and what to do.
+_BOUNDED = {
+    "order": "must be above 0, in waves per output turn",
+    "output_torque": "must be 0 or more; give its size, the direction stands in a column",
+    "input_speed": "must be 0 or more; give its size, the direction stands in a column",
+    "temperature": "lies below absolute zero; check the sign and the unit",
+    "amplitude": "must be 0 or more; write the size, and 180 deg more in the phase",
+    "sigma": "must be above 0; leave the column out where it is not known",
+}
+_ABOVE = ("order", "sigma")
+
+
 def _table(rows: OrderRows) -> OrderTable:
     notes = list(rows.notes)
     columns = {name: np.where(np.isfinite(values), values, np.nan) for name, values in rows.columns.items()}
-    for name, (value, where) in rows.stated.items():
-        _check_condition(rows.path, where, name, value)
     _check_stated(rows, columns)
+    columns |= {name: np.full(len(rows.labels), value) for name, (value, _) in rows.stated.items()}
+    if (missing := np.isnan(columns["order"])).any():
+        at = rows.at(int(np.argmax(missing)))
+        rows.refuse(f"{at}: order is no number; write the waves per output turn, or delete the row")
+    _check_bounds(rows, columns)
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
+    conditions = [name for name in ORDER_CONDITIONS if name in columns]
     usable = np.isfinite(waves)
-    for row in np.flatnonzero(~np.isfinite(columns["order"])).tolist():
-        rows.refuse(f"{rows.at(row)}: order is no number; write the waves per output turn, or delete the row")
-    for name in ("order", *ORDER_CONDITIONS):
-        if name in columns:
-            usable &= np.isfinite(columns[name])
+    for name in conditions:
+        usable &= np.isfinite(columns[name])
     _note_left_out(rows, ~usable, notes)
     cases: dict[TableCondition, dict[float, int]] = {}
     doubled = []
     for row in np.flatnonzero(usable).tolist():
-        where, order = rows.at(row), float(columns["order"][row])
-        if order <= 0:
-            rows.refuse(f"{where}: order = {order:g}: must be above 0, in waves per output turn")
-        known = {name: value for name, (value, _) in rows.stated.items()}
-        known |= {name: float(columns[name][row]) for name in ORDER_CONDITIONS if name in columns}
-        for name, value in known.items():
-            _check_condition(rows.path, where, name, value)
-        condition = TableCondition(
-            direction=rows.directions[row],
-            **{attribute: known.get(name) for name, attribute in _ATTRIBUTES.items()},
-        )
-        case = cases.setdefault(condition, {})
-        if order not in case:
-            case[order] = row
+        order = float(columns["order"][row])
+        known = {_ATTRIBUTES[name]: float(columns[name][row]) for name in conditions}
+        case = cases.setdefault(TableCondition(direction=rows.directions[row], **known), {})
+        first = case.setdefault(order, row)
+        if first == row:
             continue
-        first = case[order]
-        if abs(waves[row] - waves[first]) > _SAME * abs(waves[first]) or (
-            sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]
-        ):
+        same = abs(waves[row] - waves[first]) <= _SAME * abs(waves[first])
+        if not same or (sigma is not None and abs(sigma[row] - sigma[first]) > _SAME * sigma[first]):
             rows.refuse(
-                f"{where}: order {order:g} stands in {rows.at(first)} with another wave under the same condition; "
-                "leave one of them"
+                f"{rows.at(row)}: order {order:g} stands in {rows.at(first)} with another wave under the same "
+                "condition; leave one of them"
             )
         doubled.append(row)
     if doubled:
@@ -317,12 +176,16 @@ def _table(rows: OrderRows) -> OrderTable:
     return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 
-def _check_condition(path: str, where: str, name: str, value: float) -> None:
-    if name == "temperature":
-        reading.checked_value(path or _IN_MEMORY, f"{where}: {name}", value, "temperature")
-    elif value < 0:
-        size = with_unit(value, ORDER_CONDITIONS[name])
-        _refuse(path, f"{where}: {name} = {size}: must be 0 or more; give its size, the direction stands in a column")
+def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
+    for name, remedy in _BOUNDED.items():
+        values = columns.get(name, np.zeros(0))
+        wrong = values <= 0 if name in _ABOVE else values < 0
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            at = rows.stated[name][1] if name in rows.stated else rows.at(row)
+            dimension = ORDER_COLUMNS[name]
+            printed = with_unit(values[row], dimension) if dimension else f"{values[row]:g}"
+            rows.refuse(f"{at}: {name} = {printed}: {remedy}")
 
 
 def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
@@ -349,11 +212,6 @@ def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
         rows.refuse(f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
     if one == "cos":
         return np.asarray(first - 1j * second, dtype=np.complex128)
-    for row in np.flatnonzero(first < 0).tolist():
-        rows.refuse(
-            f"{rows.at(row)}: amplitude = {with_unit(first[row], 'angle')}: must be 0 or more; write the size, and "
-            "180 deg more in the phase"
-        )
     with np.errstate(invalid="ignore"):
         return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
 
@@ -367,11 +225,6 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     if (there & ~empty).any() and empty.any():
         rows.refuse(
             f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none"
-        )
-    for row in np.flatnonzero(sigma <= 0).tolist():
-        rows.refuse(
-            f"{rows.at(row)}: sigma = {with_unit(sigma[row], 'angle')}: must be above 0; leave the column out where it "
-            "is not known"
         )
     if not (there & ~empty).any():
         notes.append("sigma holds no number and is left out")
@@ -452,7 +305,7 @@ def orders_from_arrays(
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
     columns = {name: row_of(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
-    _check_columns("", "columns", list(columns))
+    check_order_columns(_IN_MEMORY, "columns", columns)
     stated = {}
     for name, value in conditions.items():
         if value is None:
@@ -466,16 +319,17 @@ def orders_from_arrays(
             columns[name] = row_of(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
     single = isinstance(direction, str) or np.ndim(direction) == 0
     count = columns["order"].size
-    words = [direction] * count if single else list(direction)
-    sizes = {"direction": len(words)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
-    if len(set(sizes.values())) > 1:
-        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
-        _refuse("", f"the columns differ in length ({listed}); give all the same number of rows")
+    try:
+        signs = direction_signs([direction] * count if single else list(direction)).tolist()
+    except InputError as error:
+        _refuse("", str(error))
+    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
+    reading.check_lengths(_IN_MEMORY, sizes, "give all the same number of rows")
     rows = OrderRows(
         path="",
         labels=tuple(range(count)),
         noun="row",
-        directions=tuple(_direction("", f"row {at}", word) for at, word in enumerate(words)),
+        directions=tuple(signs),
         columns=columns,
         stated=stated,
         index=index,
@@ -533,7 +387,7 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     reverse,20,40,2.06264806247096,90
     """
     values = {"kind": KIND} | ({"index": table.index} if table.index else {})
-    values |= {key: value for key, value in table.metadata.items() if key.lower() not in _ORDERS.keys}
+    values |= {key: value for key, value in table.metadata.items() if key.lower() not in ORDER_KEYS}
     head = [*header_lines(path or _IN_MEMORY, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
     cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
@@ -550,34 +404,32 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
-    columns: dict[str, Array] = {}
-    for name, attribute in _ATTRIBUTES.items():
-        known = [getattr(case.condition, attribute) for case in table.cases]
-        missing = sum(value is None for value in known)
-        if missing and missing < len(known):
+    cases, columns = table.cases, dict[str, Array]()
+    stated = {name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()}
+    for name, values in (stated | {"sigma": [case.sigma for case in cases]}).items():
+        missing = sum(value is None for value in values)
+        if 0 < missing < len(cases):
+            what = _ATTRIBUTES.get(name, name)
             _refuse(
                 path,
-                f"{missing} of {len(known)} cases have no {attribute}, others have; complete them, or write a file of "
-                "each kind",
+                f"{missing} of {len(cases)} cases have no {what}, others have; complete them, or write a file of each "
+                "kind",
             )
-        if known and not missing:
-            columns[name] = np.array(
-                [value for value, case in zip(known, table.cases, strict=True) for _ in case.orders]
+        if cases and not missing:
+            columns[name] = np.concatenate(
+                [
+                    np.full(case.orders.size, value) if np.ndim(value) == 0 else value
+                    for value, case in zip(values, cases, strict=True)
+                ]
             )
-    without = sum(case.sigma is None for case in table.cases)
-    if 0 < without < len(table.cases):
-        _refuse(
-            path,
-            f"{without} of {len(table.cases)} cases have no sigma, others have; give it in every case or in none",
-        )
-    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in table.cases)])
-    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in table.cases)])
+    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in cases)])
+    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in cases)])
     columns["amplitude"], columns["phase"] = np.abs(waves), np.angle(waves)
-    if not without and table.cases:
-        columns["sigma"] = np.concatenate([case.sigma for case in table.cases if case.sigma is not None])
+    if "sigma" in columns:
+        columns["sigma"] = columns.pop("sigma")  # the last column
     sizes = {name: values.size for name, values in columns.items()}
-    if len(set(sizes.values())) > 1:
-        _refuse(path, f"orders, waves and sigma of a case differ in length ({sizes}); give each order one of each")
+    reading.check_lengths(path or _IN_MEMORY, sizes, "give each order one wave and one sigma")
+    direction_signs([case.condition.direction for case in table.cases])
     rows = OrderRows(
         path="",
         labels=tuple(range(sizes["order"])),
@@ -585,8 +437,6 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
         directions=tuple(case.condition.direction for case in table.cases for _ in case.orders),
         columns=columns,
     )
-    for at, direction in enumerate(rows.directions):
-        _direction(path, rows.at(at), direction)
     if not all(np.isfinite(values).all() for values in columns.values()):
         _refuse(path, "the table holds values that are not finite; leave those orders out")
     _table(rows)

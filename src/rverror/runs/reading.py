@@ -14,7 +14,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
-from rverror.base.text import did_you_mean, shown, some
+from rverror.base.text import did_you_mean, shown, some, split_lines
 
 #: Dimension of each known column.
 COLUMNS = {
@@ -59,11 +59,59 @@ ORDER_EXAMPLES = {
 }
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
+#: Those, and the ones of order tables.
+KNOWN_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 #: What may be stated of the direction.
 STATED = {**DIRECTIONS, "mixed": 0.0}
 #: Name of a column, with its unit in brackets or without.
 COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
+#: A line of the header.
+HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
 _TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
+
+
+def bare_name(name: str) -> str:
+    """Name of a column in lower case, without its unit in brackets.
+
+    Examples
+    --------
+    >>> bare_name("Output_Angle [deg]")
+    'output_angle'
+    """
+    match = COLUMN_NAME.match(name)
+    return match[1].strip().lower() if match else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """A value that a header states.
+
+    Attributes
+    ----------
+    text : str
+        As written.
+    at : str
+        Where it stands, for messages.
+    """
+
+    text: str
+    at: str
+
+
+def header_lines(path: str, values: Mapping[str, str]) -> list[str]:
+    """Lines of a header.
+
+    Raises
+    ------
+    InputError
+        If one would not read back.
+    """
+    head = [f"# {key}: {value}" for key, value in values.items()]
+    for line, (key, value) in zip(head, values.items(), strict=True):
+        match = HEADER_LINE.match(line)
+        if len(split_lines(line)) > 1 or match is None or match.groups() != (key, value.strip()):
+            refuse(path, f"the header {shown(line)} would not read back; use a plain word for the key and one line")
+    return head
 
 
 class OfFile:
@@ -263,6 +311,24 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
         return np.asarray(array * factor + zero, dtype=np.float64)
 
 
+def check_lengths(path: str, sizes: Mapping[str, int], remedy: str) -> None:
+    """Refuse columns that differ in length.
+
+    Parameters
+    ----------
+    sizes : mapping of str to int
+        Length of each.
+    remedy : str
+
+    Raises
+    ------
+    InputError
+    """
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        refuse(path, f"the columns differ in length ({listed}); {remedy}")
+
+
 def torque_column(names: Iterable[str]) -> str | None:
     """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
 
@@ -294,18 +360,9 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
-    hint = ""
-    for name in names:
-        if name in COLUMNS:
-            continue
-        bare = re.split(r"[\[(]", name)[0].strip().lower()
-        guess = (
-            next((known for known in missing if bare == known), None)
-            or (re.search(r"'(\w+)'", did_you_mean(bare, missing)) or [None, None])[1]
-        )
-        if guess:
-            hint = f" did you mean '{guess}[{EXAMPLES[guess]}]' by {shown(name)}?"
-            break
+    likely = [f"{name}[{EXAMPLES[name]}]" for name in missing]
+    others = [re.split(r"[\[(]", name)[0].strip() for name in names if name not in COLUMNS]
+    hint = next(filter(None, (did_you_mean(name, likely) for name in others)), "")
     what = f"besides {have[0]} there is no" if have else "there is no"
     listed = " and no ".join(missing) if have else "input_angle, output_angle or te"
     refuse(

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.geartrain.kinematics import fundamental_orders
@@ -124,15 +123,10 @@ def noise_spectrum(values: Array) -> Array:
     coefficients = harmonics(values)
     spread = ((coefficients - coefficients.mean(axis=0)) ** 2).sum(axis=(0, 1)) / (2 * (len(values) - 1))
     total = np.concatenate([[0.0], np.cumsum(spread)])
-    low, high = noise_windows(spread.size)
-    return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
-
-
-def noise_windows(count: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """First and one after the last of the harmonics over which `noise_spectrum` takes the mean for each of so many."""
-    at = np.arange(count)
+    at = np.arange(spread.size)
     half = np.clip(at // 4, 4, 40)
-    return np.maximum(at - half, 0), np.minimum(at + half + 1, count)
+    low, high = np.maximum(at - half, 0), np.minimum(at + half + 1, spread.size)
+    return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
 
 
 def noise_rms(values: Array) -> float:

@@ -38,12 +38,12 @@ DEFAULT_SEED = 0
 SHARED_INDEX = "simulated"
 
 _LARGEST = 5_000_000
-_LARGEST_TORQUE = 1e12  # N*mm
-_LARGEST_NOISE = math.pi  # no bench is worse
-_LARGEST_CORRELATION = 200 * math.pi  # longer than a run that can be diagnosed, so a constant
-_LARGEST_COUNTS = 10**12
-_LARGEST_SEED = 2**128 - 1  # all that numpy's pool of entropy holds
+_TORQUES = (0.0, 1e9)  # N*m
+_NOISE = (0.0, 180.0)  # deg: no bench is worse
+_LAGS = (0.0, 36_000.0)  # deg: longer than a run that can be diagnosed, so a constant
 _SPEEDS = (1e-6, 1e6)  # deg/s: beyond, times have no digits left
+_COUNTS = (1, 10**12)
+_SEEDS = (0, 2**128 - 1)  # all that numpy's pool of entropy holds
 _AT_ONCE = 4096  # angles solved together: bounds the memory
 
 
@@ -186,19 +186,19 @@ def simulate_runs(
         raise InputError(f"points * revolutions = {points * revolutions}: must be {_LARGEST} or fewer; ask for fewer")
     if method not in ("closed", "equilibrium"):
         raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
-    sizes = [None if torque is None else _torque(unit, torque, method) for torque in torques] or [None]
+    sizes = [_torque(unit, torque, method) for torque in torques] or [None]
     if noise is None and correlation is not None:
         raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
     bench = _Bench(
         points=points,
         turns=revolutions,
         method=method,
-        noise=_angle("noise", noise, "0.3 arcsec", _LARGEST_NOISE),
-        correlation=_angle("noise correlation", correlation, "2 deg", _LARGEST_CORRELATION),
-        input_counts=None if input_counts is None else _whole("input counts", input_counts, 1, _LARGEST_COUNTS),
-        output_counts=None if output_counts is None else _whole("output counts", output_counts, 1, _LARGEST_COUNTS),
-        seed=DEFAULT_SEED if seed is None else _whole("seed", seed, 0, _LARGEST_SEED),
-        speed=None if output_speed is None else _speed(output_speed),
+        noise=_bounded("noise", noise, "angle", "0.3 arcsec", bounds=_NOISE, unit="deg") or 0.0,
+        correlation=_bounded("noise correlation", correlation, "angle", "2 deg", bounds=_LAGS, unit="deg") or 0.0,
+        input_counts=_whole("input counts", input_counts, bounds=_COUNTS),
+        output_counts=_whole("output counts", output_counts, bounds=_COUNTS),
+        seed=_whole("seed", seed, bounds=_SEEDS) or DEFAULT_SEED,
+        speed=_bounded("output_speed", output_speed, "angular_speed", "10 deg/s", bounds=_SPEEDS, unit="deg/s"),
     )
     timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
     if timed and bench.speed is None:
@@ -314,61 +314,46 @@ class _Bench:
         return keys
 
 
-def _size(name: str, value: Any, dimension: str, example: str) -> float:
+def _bounded(
+    name: str, value: Any | None, dimension: str, example: str, *, bounds: tuple[float, float], unit: str
+) -> float | None:
+    """Value in core units, once it is between its bounds, which are in the unit named; None where none is given."""
+    if value is None:
+        return None
     try:
-        return units.to_core(value, dimension)
-    except ValueError as problem:
-        raise InputError(f"{name}: {str(problem).partition(';')[0]}; write it like {example!r}") from problem
-
-
-def _angle(name: str, value: Any | None, example: str, most: float) -> float:
-    size = 0.0 if value is None else _size(name, value, "angle", example)
-    if not 0 <= size <= most:
-        raise InputError(f"{name} = {math.degrees(size):g} deg: must be 0 to {math.degrees(most):g} deg")
+        size = units.to_core(value, dimension)
+    except (TypeError, ValueError) as problem:
+        reason = str(problem).partition(";")[0]
+        raise InputError(f"{name} = {shown(value)}: {reason}; write it like {example!r}") from problem
+    (least, most), printed = bounds, size / units.unit_factor(unit, dimension)
+    if not least <= printed <= most:
+        raise InputError(f"{name} = {printed:g} {unit}: must be {least:g} to {most:g} {unit}; correct it")
     return size
 
 
-def _whole(name: str, value: Any, least: int, most: int) -> int:
+def _whole(name: str, value: Any | None, *, bounds: tuple[int, int]) -> int | None:
+    if value is None:
+        return None
     try:
         number = operator.index(value)
     except TypeError as problem:
         raise InputError(f"{name} = {shown(value)}: must be a whole number") from problem
+    least, most = bounds
     if not least <= number <= most:
         raise InputError(f"{name} = {shown(number)}: must be {least} to {most}")
     return number
 
 
-def _speed(value: Any) -> float:
-    """Speed as the angle of one second, so that the units edge can read it."""
-    try:
-        size = units.to_core(value, "angular_speed")
-    except (TypeError, ValueError) as problem:
-        raise InputError(f"output_speed = {shown(value)}: is no angle per time; write it like '10 deg/s'") from problem
-    least, most = _SPEEDS
-    if not least <= math.degrees(size) <= most:
-        raise InputError(
-            f"output_speed = {math.degrees(size):g} deg/s: must be {least:g} to {most:g} deg/s; "
-            "the direction has its own option"
-        )
-    return size
-
-
-def _torque(mechanism: Mechanism, value: Any, method: str) -> float | TorqueLaw:
+def _torque(mechanism: Mechanism, value: Any | None, method: str) -> float | TorqueLaw | None:
     if callable(value):
         law: TorqueLaw = value
         return law
-    size = _size("torque", value, "torque", "20 N*m")
-    doubt_torque(mechanism, value)
-    if size == 0 and method == "equilibrium":
-        return size
-    if size == 0:
+    size = _bounded("torque", value, "torque", "20 N*m", bounds=_TORQUES, unit="N*m")
+    if size is not None:
+        doubt_torque(mechanism, value)
+    if size == 0 and method != "equilibrium":
         raise InputError(
             "torque = 0 N*m: must be above 0; the limit of no load needs --method equilibrium, or leave the torque out"
-        )
-    if not 0 < size <= _LARGEST_TORQUE:
-        raise InputError(
-            f"torque = {size / 1e3:g} N*m: must be above 0 and {_LARGEST_TORQUE / 1e3:g} N*m or less; "
-            "the direction comes from the motion"
         )
     return size
 

@@ -19,7 +19,6 @@ group = "/Messung/"
 encoding = "cp1252"
 separator = ";"
 decimal = ","
-thousands = "."
 skip = 4
 [columns]
 input_angle = { name = "Geber", unit = "counts", counts_per_turn = 4000, sign = -1, wraps_at = 65536 }
@@ -30,7 +29,7 @@ name = "Zeit"
 unit = "ms"
 [header]
 direction = "Forward"
-output_torque = { name = "M", unit = "N*m" }
+output_torque = { property = "M", unit = "N*m" }
 temperature = { property = "T" }
 index = "A"
 [keep]
@@ -49,16 +48,16 @@ def test_good_file(tmp_path: Path) -> None:
     mapping = load(tmp_path, GOOD)
     assert mapping.group == "Messung"
     text = mapping.text
-    assert (text.encoding, text.separator, text.decimal, text.thousands, text.skip) == ("cp1252", ";", ",", ".", 4)
+    assert (text.encoding, text.separator, text.decimal, text.skip) == ("cp1252", ";", ",", 4)
     geber, winkel, te, time = (mapping.columns[key] for key in ("input_angle", "output_angle", "te", "time"))
     assert geber.factor == pytest.approx(-math.tau / 4000)
     assert (geber.counts, geber.wraps_at, geber.where.name) == (True, 65536, "Geber")
-    assert geber.where.stated_at == f"mapping {tmp_path / 'bench.toml'}, line 11"
+    assert geber.where.stated_at == f"mapping {tmp_path / 'bench.toml'}, line 10"
     assert (winkel.where.name, winkel.unit, winkel.factor) == ("Winkel [deg]", "", 0)
     assert (te.where.column, te.factor, te.scaled) == (4, pytest.approx(-2.5e-3), True)
     assert time.factor == pytest.approx(1e-3)
     assert mapping.header["direction"].text == "Forward"
-    assert mapping.header["output_torque"].where.name == "M"
+    assert mapping.header["output_torque"].where.property == "M"
     assert mapping.header["temperature"].where.property == "T"
     assert {key: (where.name, where.column) for key, where in mapping.keep.items()} == {
         "oil[degC]": ("Öl", 0), "x": ("", 7),
@@ -89,8 +88,6 @@ BAD = {
     "encoding": ('[file]\nencoding = "cp1525"\n', ["line 2", "'cp1525'", "did you mean 'cp1252'"]),
     "no text encoding": ('[file]\nencoding = "zip"\n', ["line 2", "'zip'", "no such text encoding"]),
     "empty encoding": ('[file]\nencoding = ""\n', ["line 2", "no such text encoding"]),
-    "thousands alone": ('[file]\nthousands = "."\n', ["line 2", "needs decimal", "write decimal"]),
-    "thousands is decimal": ('[file]\ndecimal = ","\nthousands = ","\n', ["line 3", "are both ','"]),
     "skip": ("[file]\nskip = -1\n", ["line 2", "skip = -1", "0 or more"]),
     "skip true": ("[file]\nskip = true\n", ["line 2", "skip = True", "whole number"]),
     "no name": (COLUMN + '{ unit = "deg" }', ["line 2", "lacks name, column", 'name = "..."']),
@@ -117,7 +114,7 @@ BAD = {
     "wraps of deg": (COLUMN + '{ name = "x", unit = "deg", wraps_at = 4 }', ["wraps_at belongs to counts"]),
     "torque": ('[header]\noutput_torque = "20"\n', ["line 2", "output_torque", "no unit", "20 N*m"]),
     "torque number": ("[header]\noutput_torque = 20\n", ["line 2", "output_torque = 20", "must be a text"]),
-    "torque unit": ('[header]\noutput_torque = { name = "M", unit = "Nn" }', ["line 2", "'Nn'", "N*m"]),
+    "torque unit": ('[header]\noutput_torque = { property = "M", unit = "Nn" }', ["line 2", "'Nn'", "N*m"]),
     "direction": ('[header]\ndirection = "forwards"\n', ["line 2", "'forwards'", "did you mean 'forward'"]),
     "direction column": ('[header]\ndirection = { name = "x" }\n', ["line 2", "'name'", "property"]),
     "index": ('[header]\nindex = ""\n', ["line 2", "index is empty"]),

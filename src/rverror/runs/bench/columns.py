@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.runs.reading import OfFile, refuse
+from rverror.runs.reading import OfFile, Stated, refuse
 
 #: Most samples of a column: a size that a file claims is refused before memory is asked for.
 MOST_SAMPLES = 20_000_000
@@ -59,6 +59,8 @@ class BenchFile(OfFile):
         ``text``, ``MAT``, ``HDF5`` or ``TDMS``.
     properties : mapping of str to str
         Attributes, properties, or lines of the preamble.
+    header : mapping of str to Stated
+        What it says of itself as a run file does.
     notes : tuple of str
         What was assumed.
     place : str
@@ -67,10 +69,8 @@ class BenchFile(OfFile):
         What `labels` count: ``line`` or ``sample``.
     labels : ndarray of int, optional
         Line of each row; None where samples are counted from 0.
-    cut_off : bool
-        Whether the file ends before its recording did, so that its columns may differ in length.
-    parse : callable
-        Number of a text as this file writes it, or None.
+    decimal : str
+        Decimal sign of its numbers.
     columns : callable
         From the places of some entries to their arrays, as stored.
     cells : callable, optional
@@ -82,12 +82,12 @@ class BenchFile(OfFile):
     entries: tuple[Entry, ...]
     columns: Callable[[Sequence[int]], list[RawArray]]
     properties: Mapping[str, str] = field(default_factory=dict)
+    header: Mapping[str, Stated] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     place: str = ""
     noun: str = "sample"
     labels: RawArray | None = None
-    cut_off: bool = False
-    parse: Callable[[str], float | None]
+    decimal: str = "."
     cells: Callable[[int], list[str]] | None = None
 
     def rows(self, size: int) -> RawArray:
@@ -107,20 +107,6 @@ class BenchFile(OfFile):
 
     def _place(self, chosen: Entry) -> int:
         return next(i for i, entry in enumerate(self.entries) if entry is chosen)  # two may be alike
-
-
-def plain_number(text: str) -> float | None:
-    """Number of a text with a decimal point, or None.
-
-    Examples
-    --------
-    >>> plain_number("2.5")
-    2.5
-    """
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def some_names(names: Iterable[str]) -> str:

@@ -122,7 +122,7 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
     sign = found_decimal((cell for row in rows for cell in row), point_is_decimal=separator == ",")
     head = ["", "[file]", f"separator = {quoted(separator)}"]
     if isinstance(sign, Undecided):
-        head.append(f'decimal = ""  # {shown(sign.cell)} {sign.why}: write "." or ","; thousands = "." for groups')
+        head.append(f'decimal = ""  # {shown(sign.cell)} {sign.why}: write "." or ","')
     else:
         head.append(f"decimal = {quoted(sign or '.')}")
     if names < 0:

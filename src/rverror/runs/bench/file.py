@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -18,12 +17,24 @@ from rverror.runs.bench.header import read_header
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where
 from rverror.runs.bench.mat import open_mat
 from rverror.runs.bench.text import open_text
-from rverror.runs.bench.unit_words import unit_scale
+from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
-from rverror.runs.reading import COLUMN_NAME, COLUMNS, EXAMPLES, SPEEDS, Reading, check_needed, refuse
+from rverror.runs.reading import (
+    COLUMN_NAME,
+    COLUMNS,
+    EXAMPLES,
+    ORDER_EXAMPLES,
+    SPEEDS,
+    Reading,
+    bare_name,
+    check_lengths,
+    check_needed,
+    refuse,
+)
 
 _MAT_HEADER = 128
+_EXAMPLES = EXAMPLES | ORDER_EXAMPLES
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
@@ -40,13 +51,15 @@ def is_bench_file(path: PathLike) -> bool:
     return _kind(path) != "text"
 
 
-def open_bench_file(path: PathLike, mapping: BenchMapping) -> BenchFile:
+def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Mapping[str, str] = COLUMNS) -> BenchFile:
     """List what a file holds.
 
     Parameters
     ----------
     mapping : BenchMapping
         Of a text file, how it is written and which names are looked for.
+    standard : mapping of str to str
+        Names that are looked for where the mapping has none, with their dimension.
 
     Raises
     ------
@@ -60,53 +73,49 @@ def open_bench_file(path: PathLike, mapping: BenchMapping) -> BenchFile:
         "MAT 7.3": lambda path: bench_hdf5.open_hdf5(path, "MAT"),
         "TDMS": bench_tdms.open_tdms,
         "archive": _refuse_archive,
-        "text": lambda path: open_text(path, mapping.text, _wanted(mapping)),
+        "text": lambda path: open_text(path, mapping.text, _wanted(mapping), standard),
     }
     return readers[kind](path)
 
 
 def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
-    """Read a bench's file.
+    """Read a run: a bench's file by its mapping, or one whose columns are named as in a run file.
 
     Raises
     ------
     InputError
         If it cannot be used; one line that names file, line or data set, bound and remedy.
     """
-    if mapping.orders.columns:
+    if mapping.orders:
         refuse(str(path), f"{mapping.path} describes an order table by [orders], which holds no samples, and only "
                           "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
-    rules = dict(mapping.columns) or _standard_rules(file, mapping)
+    rules = dict(mapping.columns) or standard_rules(file, mapping, COLUMNS)
+    kept = dict(mapping.keep) if mapping.columns else {**_others(file, rules), **mapping.keep}
     check_needed(
         file.path,
-        mapping.path or "columns",
-        [*(SPEEDS.get(key, key) for key in rules), *mapping.keep],
+        mapping.path or file.place or "columns",
+        [*(SPEEDS.get(key, key) for key in rules), *kept],
         _remedy(file, mapping),
     )
-    places = {key: rule.where for key, rule in rules.items()} | dict(mapping.keep)
-    entries = {key: found_entry(file, mapping, where) for key, where in places.items()}
-    averaged = {key: found_entry(file, mapping, where) for key, where in _averaged(mapping).items()}
-    used = [*entries.values(), *averaged.values()]
-    arrays = file.read(used)
-    stored = dict(zip(entries, arrays, strict=False))
+    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    entries |= {key: found_entry(file, mapping, where) for key, where in kept.items()}
+    stored = dict(zip(entries, file.read(entries.values()), strict=True))
+    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
+    check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
     columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
-    extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in mapping.keep}
-    columns, extra = _of_one_length(file, columns, extra, entries, notes)
+    extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in kept}
+    size = next(iter(sizes.values()))
     if "time" not in columns:
-        columns |= _clock(file, [entries[key] for key in rules], next(iter(columns.values())).size, notes)
-    means = {
-        key: (entry, as_samples(file.path, shown(entry.name, 60), array))
-        for (key, entry), array in zip(averaged.items(), arrays[len(entries) :], strict=True)
-    }
-    header = read_header(file, mapping, means, notes)
-    notes += left_out_columns(file, used)
+        columns |= _clock(file, [entries[key] for key in rules], size, notes)
+    header = read_header(file, mapping, notes)
+    notes += left_out_columns(file, list(entries.values()))
     reading = Reading(
         path=file.path,
         columns=columns,
         extra=extra,
-        labels=file.rows(next(iter(columns.values())).size),
+        labels=file.rows(size),
         noun=file.noun,
         notes=tuple(notes),
         **vars(header),
@@ -152,50 +161,67 @@ def _refuse_archive(path: PathLike) -> NoReturn:
 
 
 def _wanted(mapping: BenchMapping) -> list[str | int]:
-    """Names or numbers of columns that a text file must have."""
-    if not mapping.columns and not mapping.orders.columns:  # the names of a run file are looked for
-        return []
-    own = [rule.where for rule in mapping.columns.values()] + mapping.orders.places()
-    places = [*own, *mapping.keep.values(), *_averaged(mapping).values()]
-    return [where.column or where.name for where in places]
+    """Names or numbers of columns that a text file must have; none where the standard ones are looked for."""
+    rules = [*mapping.columns.values(), *mapping.orders.values()]
+    places = [rule.where for rule in rules] + list(mapping.keep.values())
+    return [where.column or where.name for where in places] if rules else []
 
 
-def _averaged(mapping: BenchMapping) -> dict[str, Where]:
-    """Columns whose mean is a value of the header."""
-    return {key: rule.where for key, rule in mapping.header.items() if rule.where.name or rule.where.column}
+def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str, str]) -> dict[str, ColumnRule]:
+    """Rules for columns with the names of a run file or an order table, in the stated group.
 
+    Parameters
+    ----------
+    standard : mapping of str to str
+        Those names, with the dimension of each.
 
-def _standard_rules(file: BenchFile, mapping: BenchMapping) -> dict[str, ColumnRule]:
-    """Rules for columns that are named as in a run file, in the stated group."""
+    Raises
+    ------
+    InputError
+        If one stands there twice, or lacks its unit.
+    """
     rules: dict[str, ColumnRule] = {}
-    above = f"{mapping.group}/" if mapping.group and file.kind != "text" else ""
-    for entry in file.entries:
-        last = entry.name.rpartition("/")[2] if file.kind != "text" else entry.name
-        match = COLUMN_NAME.match(last)
-        key = match[1].strip().lower() if match else ""
-        if key not in COLUMNS or not entry.name.startswith(above):
+    text = file.kind == "text"
+    above = f"{mapping.group}/" if mapping.group and not text else ""
+    for number, entry in enumerate(file.entries, 1):
+        last = entry.name if text else entry.name.rpartition("/")[2]
+        key = bare_name(last)
+        if key not in standard or not entry.name.startswith(above):
             continue
+        place = f"{file.place}, column {number}: " if file.place else ""
         if key in rules:
-            file.refuse(
-                f"{shown(rules[key].where.name, 60)} and {shown(entry.name, 60)} are both {key}; name one of them in "
-                "[columns] of a mapping"
-            )
-        assert match is not None
-        name = entry.name.removeprefix(above)
-        rules[key] = ColumnRule(where=Where(name=name), unit=(match[2] or entry.unit).strip())
-    return {key: replace(rule, factor=_standard_factor(file, key, rule)) for key, rule in rules.items()}
+            file.refuse(f"{place}{shown(entry.name, 60)} and {rules[key].where} are both {key}; leave one of them, or "
+                        "name it in [columns] of a mapping")  # fmt: skip
+        where = Where(name=entry.name.removeprefix(above), column=number if text else 0)
+        stated = COLUMN_NAME.match(last)
+        unit = (stated[2] if stated and stated[2] else entry.unit).strip()
+        rules[key] = _standard_rule(file, key, place, where, unit, standard[key])
+    return rules
 
 
-def _standard_factor(file: BenchFile, key: str, rule: ColumnRule) -> float:
-    if not rule.unit:
-        file.refuse(
-            f"{shown(rule.where.name, 60)} has no unit; state it in a mapping: {key} = {{ name = "
-            f'"{rule.where.name}", unit = "{EXAMPLES[key]}" }} in [columns]'
-        )
+def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: str, dimension: str) -> ColumnRule:
+    example = f"{key}[{_EXAMPLES[key]}]" if dimension else key
+    remedy = f"write {example!r}, or state the unit in a mapping (rverror read FILE --draft begins one)"
+    if not dimension:
+        if unit:
+            file.refuse(f"{place}{key} has no unit; write {key!r}")
+        return ColumnRule(where=where, factor=1.0, scaled=True)
+    if not unit:
+        file.refuse(f"{place}{key} has no unit; {remedy}")
     try:
-        return unit_scale(rule.unit, COLUMNS[key])[0]
+        factor, zero = unit_scale(meant_unit(unit), dimension)
     except ValueError as error:
-        file.refuse(f"{shown(rule.where.name, 60)}: {error}; state another unit in a mapping")
+        file.refuse(f"{place}{key}: {str(error).partition(';')[0]}; {remedy}")
+    return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
+
+
+def _others(file: BenchFile, rules: Mapping[str, ColumnRule]) -> dict[str, Where]:
+    """Columns of a run file that have no meaning here and are kept."""
+    if file.kind != "text":
+        return {}
+    known = [rule.where.column for rule in rules.values()]
+    others = {i: entry.name for i, entry in enumerate(file.entries, 1) if entry.name and i not in known}
+    return {name: Where(name=name, column=i) for i, name in others.items()}
 
 
 def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
@@ -247,22 +273,6 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     if fitting[0].problem:
         file.refuse(f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
-
-
-def _of_one_length(
-    file: BenchFile, columns: dict[str, Array], extra: dict[str, Array], entries: Mapping[str, Entry], notes: list[str]
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The columns as they are where they are equally long; the rows that all of them have where the file is cut off."""
-    sizes = {key: values.size for key, values in (columns | extra).items()}
-    shortest, longest = min(sizes.values()), max(sizes.values())
-    if shortest == longest:
-        return columns, extra
-    if not file.cut_off:
-        listed = ", ".join(f"{key} ({shown(entries[key].name, 60)}) {size}" for key, size in sizes.items())
-        file.refuse(f"the columns differ in length ({listed}); record them at one rate, or export them again")
-    notes.append(f"the last {longest - shortest} samples left out, which not all columns have")
-    kept = [{key: values[:shortest] for key, values in part.items()} for part in (columns, extra)]
-    return kept[0], kept[1]
 
 
 def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str]) -> dict[str, Array]:

@@ -11,21 +11,15 @@ from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.unit_words import COUNTS, meant_unit, unit_scale
 from rverror.runs.reading import COLUMNS
 
-# Beginnings of words, German compounds such as Antriebswinkel among them, and whole words.
-_BEGINNINGS = {
-    "input_angle": ("antrieb", "eingang", "input", "motor", "moteur", "entrée", "entree", "输入", "电机"),
-    "output_angle": ("abtrieb", "ausgang", "output", "sortie", "输出"),
-    "time": ("zeit", "uhr", "time", "temps", "时间"),
+#: Words of a name that tell a column, German compounds such as Antriebswinkel among them.
+_SIDES = {
+    "input_angle": r"antrieb.*|eingang.*|input.*|motor.*|moteur.*|entr[ée]e.*|输入.*|电机.*|in|an|ein|drive|mot|1",
+    "output_angle": r"abtrieb.*|ausgang.*|output.*|sortie.*|输出.*|out|ab|aus|load|joint|2",
+    "time": r"zeit.*|uhr.*|time.*|temps.*|时间.*|t",
 }
-_WHOLE = {
-    "input_angle": ("in", "an", "ein", "drive", "mot"),
-    "output_angle": ("out", "ab", "aus", "load", "joint"),
-    "time": ("t",),
-}
-#: Words that mean an angle where nothing else is said; a motor's column may be a current, a load a torque.
-_PLAIN = ("antrieb", "abtrieb", "eingang", "ausgang", "input", "output", "entrée", "entree", "sortie", "输入", "输出")
-_NUMBERED = {"input_angle": "1", "output_angle": "2"}
-_ANGLE = re.compile(r"(angle|theta|phi|alpha|pos|enc|[θφϕα]|.*winkel|.*角)")
+#: Words of a shaft that mean its angle where nothing else is said; a motor's column may be a current, a load a torque.
+_PLAIN = re.compile(r"(an|ab)trieb.*|(ein|aus)gang.*|(in|out)(put.*)?|entr[ée]e.*|sortie.*|输入.*|输出.*")
+_ANGLE = re.compile(r"(angle|theta|phi|alpha|pos|enc|[θφϕα]).*|.*(winkel|角).*")
 #: Of columns that name a shaft, as angles do, but hold something else.
 _OTHER = re.compile(
     r"torque|moment|couple|speed|drehzahl|geschw|beschl|vel|accel|freq|current|strom|volt|temp|power|force|kraft|last"
@@ -34,6 +28,7 @@ _OTHER = re.compile(
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 _HUMP = re.compile(r"(?<=[a-zäöüß])(?=[A-ZÄÖÜ])")
 _BRACKETS = re.compile(r"[\[(][^\[\]()]*[\])]")
+_USUAL = {"angle": ("deg", "rad", "turn", "arcmin", "arcsec"), "time": ("s", "ms")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +52,7 @@ class Guess:
         if len(self.fitting) > 1:
             return f"not guessed, for {names} fit alike"
         told = f"unit {self.unit}" if self.unit else "its unit is not told"
-        return f"guessed from the name {names}, {told}" if self.fitting else "no name fits"
+        return f"guessed from the name {names}, {told}"
 
 
 def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
@@ -79,34 +74,24 @@ def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
     >>> str(found["input_angle"]), str(found["output_angle"])
     ("guessed from the name 'Antrieb [°]', unit deg", "guessed from the name 'phi_out_rad', unit rad")
     """
-    usable = [entry for entry in entries if not entry.problem]
-    return {key: _guess(key, usable) for key in _BEGINNINGS}
+    found: dict[str, list[Entry]] = {key: [] for key in _SIDES}
+    for entry in entries:
+        words = _words(entry.name)
+        sides = [key for key, pattern in _SIDES.items() if any(re.fullmatch(pattern, word) for word in words)]
+        if len(sides) == 1 and not entry.problem and _may_be(COLUMNS[sides[0]], entry):
+            found[sides[0]].append(entry)
+    return {key: _guess(fitting, COLUMNS[key]) for key, fitting in found.items()}
 
 
-def _guess(key: str, entries: Sequence[Entry]) -> Guess:
-    fitting = [entry for entry in entries if _side(entry) == key and _may_be(COLUMNS[key], entry)]
-    if COLUMNS[key] == "angle":  # where some names say that they are angles, a shaft's name alone says less
-        said = [entry for entry in fitting if unit_of(entry, "angle") or _is_angle(entry)]
-        fitting = said or [entry for entry in fitting if any(map(_is_plain, _words(entry.name)))]
-    return Guess(fitting=tuple(fitting), unit=unit_of(fitting[0], COLUMNS[key]) if len(fitting) == 1 else "")
+def _guess(fitting: Sequence[Entry], dimension: str) -> Guess:
+    if dimension == "angle":  # where some names say that they are angles, a shaft's name alone says less
+        said = [entry for entry in fitting if unit_of(entry, "angle") or _says(_ANGLE, entry)]
+        fitting = said or [entry for entry in fitting if _says(_PLAIN, entry)]
+    return Guess(fitting=tuple(fitting), unit=unit_of(fitting[0], dimension) if len(fitting) == 1 else "")
 
 
-def _side(entry: Entry) -> str:
-    """The column that words of a name mean; empty where none does, or they contradict one another."""
-    words = _words(entry.name)
-    found = {key for key in _BEGINNINGS for word in words if word.startswith(_BEGINNINGS[key]) or word in _WHOLE[key]}
-    if not found and _is_angle(entry):
-        numbers = [word for word in words if word.isdigit()]
-        found = {key for key, number in _NUMBERED.items() if numbers == [number]}
-    return found.pop() if len(found) == 1 else ""
-
-
-def _is_angle(entry: Entry) -> bool:
-    return any(map(_ANGLE.match, _words(entry.name)))
-
-
-def _is_plain(word: str) -> bool:
-    return word.startswith(_PLAIN) or word in ("in", "out")
+def _says(pattern: re.Pattern[str], entry: Entry) -> bool:
+    return any(map(pattern.fullmatch, _words(entry.name)))
 
 
 def _words(name: str) -> list[str]:
@@ -128,16 +113,11 @@ def unit_of(entry: Entry, dimension: str) -> str:
     >>> unit_of(Entry(name="Winkel", unit="°"), "angle"), unit_of(Entry(name="theta1_deg"), "angle")
     ('deg', 'deg')
     """
-    words = [entry.unit] if entry.unit else _words(entry.name)[1:][-1:]
-    for word in words:
-        if dimension == "angle" and word in COUNTS:
-            return COUNTS[0]
-        try:
-            scale = unit_scale(meant_unit(word), dimension)
-        except ValueError:
-            continue
-        return next((known for known in _USUAL[dimension] if unit_scale(known, dimension) == scale), meant_unit(word))
-    return ""
-
-
-_USUAL = {"angle": ("deg", "rad", "turn", "arcmin", "arcsec"), "time": ("s", "ms")}
+    word = entry.unit or " ".join(_words(entry.name)[1:][-1:])
+    if dimension == "angle" and word in COUNTS:
+        return COUNTS[0]
+    try:
+        scale = unit_scale(meant_unit(word), dimension)
+    except ValueError:
+        return ""
+    return next((known for known in _USUAL[dimension] if unit_scale(known, dimension) == scale), meant_unit(word))

@@ -16,7 +16,6 @@ from rverror.runs.bench.columns import (
     RawArray,
     channel_axis,
     kind_problem,
-    plain_number,
     refused_in_one_line,
     shape_problem,
 )
@@ -51,7 +50,7 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         with refused_in_one_line(name, kind), h5py.File(name, "r", locking="best-effort") as file:
             return [_array(h5py, file, entries[place].name) for place in places]
 
-    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties, parse=plain_number)
+    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties)
 
 
 def _h5py(path: str) -> Any:
@@ -62,27 +61,18 @@ def _h5py(path: str) -> Any:
     return h5py
 
 
-def _entries(path: str, h5py: Any, file: Any) -> Iterator[Entry]:
-    """Data sets of all groups.  Groups may hold one another in a circle, so that only the bound ends the walk."""
-    waiting = [("", file)]
-    count = 0
-    while waiting:
-        prefix, group = waiting.pop(0)
-        for key in group:
-            count += 1
-            if count > MOST_COLUMNS:
-                refuse(path, f"more than {MOST_COLUMNS:,} groups and data sets, or groups in a circle; export fewer")
-            name = f"{prefix}{key}"
-            if name.startswith("#"):  # where MATLAB keeps what cells refer to
-                continue
-            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-                yield Entry(name=name, problem="is a link to another place; name the data set itself")
-                continue
-            item = group[key]
-            if isinstance(item, h5py.Group):
-                waiting.append((f"{name}/", item))
-            elif isinstance(item, h5py.Dataset):
-                yield from _of_dataset(name, item)
+def _entries(path: str, h5py: Any, file: Any) -> list[Entry]:
+    """Data sets of all groups; h5py visits each once, and follows no link to another place."""
+    found: list[Entry] = []
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):  # where MATLAB keeps what cells refer to
+            found.extend(_of_dataset(name, item))
+            if len(found) > MOST_COLUMNS:
+                refuse(path, f"more than {MOST_COLUMNS:,} data sets; export fewer")
+
+    file.visititems(add)
+    return found
 
 
 def _of_dataset(name: str, data: Any) -> Iterator[Entry]:

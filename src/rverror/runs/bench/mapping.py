@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import Place, TomlText, read_toml
-from rverror.runs.bench.numerals import THOUSANDS
 from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.reading import (
     BENCH_COLUMNS,
@@ -26,15 +25,12 @@ from rverror.runs.reading import (
 )
 
 _TOP = ("name", "file", "columns", "orders", "header", "keep")
-_FILE = ("group", "encoding", "separator", "decimal", "thousands", "skip")
+_FILE = ("group", "encoding", "separator", "decimal", "skip")
 _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_at")
-_VALUE = ("name", "column", "property", "unit")
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
 _WAVES = ("amplitude", "phase", "cos", "sin")  # each may count the other way
 _UNITLESS = ("name", "column", "scale")
 _EVERY_EXAMPLE = BENCH_EXAMPLES | ORDER_EXAMPLES
-#: What stands for the order in the names of a table with a column for each order.
-OF_ORDER = "{order}"
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEADER_EXAMPLES = {
     "output_torque": "20 N*m",
@@ -91,6 +87,9 @@ class ColumnRule:
         Whether the numbers are counts of an encoder.
     wraps_at : float
         Counts after which the counter starts again; 0 where nothing is said.
+    words : mapping of str to str
+        Of the directions in an order table: the bench's words for forward and reverse, in lower case; empty where these
+        are the words.
     """
 
     where: Where
@@ -101,6 +100,7 @@ class ColumnRule:
     sign: float = 1.0
     counts: bool = False
     wraps_at: float = 0.0
+    words: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,61 +124,6 @@ class HeaderRule:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DirectionRule:
-    """Where the direction of each row of an order table stands, and in which words.
-
-    Attributes
-    ----------
-    sign : float
-        +1 or -1, of numbers whose sign tells the direction.
-    words : mapping of str to str
-        The bench's words for forward and reverse, in lower case; empty where these or signs tell.
-    """
-
-    where: Where
-    sign: float = 1.0
-    words: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class OrderRules:
-    """Columns of an order table as a bench's report has it.
-
-    Attributes
-    ----------
-    columns : mapping of str to ColumnRule
-        By the names of an order table; `OF_ORDER` in a name stands for each of `orders`.
-    direction : DirectionRule, optional
-        None where the header states it.
-    orders : tuple of float
-        Of a table with columns for each order; empty where each row states its own.
-    sine : bool
-        Whether phases are those of a sine.
-    """
-
-    columns: Mapping[str, ColumnRule] = field(default_factory=dict)
-    direction: DirectionRule | None = None
-    orders: tuple[float, ...] = ()
-    sine: bool = False
-
-    @property
-    def given(self) -> tuple[str, ...]:
-        """Names of the columns that the table has then."""
-        return (*self.columns, *(["order"] if self.orders else []))
-
-    def places(self) -> list[Where]:
-        """Every place that is read, as often as it is meant."""
-        own = [where for rule in self.columns.values() for where in self.of_orders(rule.where)]
-        return own + ([] if self.direction is None else [self.direction.where])
-
-    def of_orders(self, where: Where) -> list[Where]:
-        """A place of each order where its name is one of several, else it alone."""
-        if OF_ORDER not in where.name:
-            return [where]
-        return [replace(where, name=where.name.replace(OF_ORDER, f"{order:.15g}")) for order in self.orders]
-
-
-@dataclass(frozen=True, kw_only=True)
 class TextRules:
     """How a text file is written; what is empty is found in the file and noted.
 
@@ -191,7 +136,6 @@ class TextRules:
     encoding: str = ""
     separator: str = ""
     decimal: str = ""
-    thousands: str = ""
     skip: int = -1
 
 
@@ -207,8 +151,8 @@ class BenchMapping:
         Group of HDF5 and TDMS files, or structure of MAT files, in which the names stand.
     columns : mapping of str to ColumnRule
         By the names of a run file; empty where the bench uses these.
-    orders : OrderRules
-        Of an order table, in place of columns; without columns where the files are runs.
+    orders : mapping of str to ColumnRule
+        Columns of an order table, by its names; empty where the files are runs.
     keep : mapping of str to Where
         Other columns that are kept, by their name in the run.
     """
@@ -217,7 +161,7 @@ class BenchMapping:
     group: str = ""
     text: TextRules = field(default_factory=TextRules)
     columns: Mapping[str, ColumnRule] = field(default_factory=dict)
-    orders: OrderRules = field(default_factory=OrderRules)
+    orders: Mapping[str, ColumnRule] = field(default_factory=dict)
     header: Mapping[str, HeaderRule] = field(default_factory=dict)
     keep: Mapping[str, Where] = field(default_factory=dict)
 
@@ -291,17 +235,13 @@ def text_rules(toml: TomlText, table: Mapping[str, Any]) -> TextRules:
         If a value is none that a text can have.
     """
     place = ("file",)
-    given = {key: toml.string(place, table, key, "") for key in ("encoding", "separator", "decimal", "thousands")}
-    for key, known in (("separator", _SEPARATORS), ("decimal", (".", ",")), ("thousands", THOUSANDS)):
+    given = {key: toml.string(place, table, key, "") for key in ("encoding", "separator", "decimal")}
+    for key, known in (("separator", _SEPARATORS), ("decimal", (".", ","))):
         if key in table and given[key] not in known:
             listed = ", ".join(repr(sign) for sign in known)
             toml.refuse((*place, key), f"{key} = {shown(given[key])}: must be one of {listed}")
     if "encoding" in table:
         _check_encoding(toml, given["encoding"])
-    if given["thousands"] and not given["decimal"]:
-        toml.refuse((*place, "thousands"), "thousands needs decimal beside it; write decimal = ',' or '.'")
-    if given["thousands"] and given["thousands"] == given["decimal"]:
-        toml.refuse((*place, "thousands"), f"thousands and decimal are both {given['decimal']!r}; correct one of them")
     skip = table.get("skip", -1)
     if "skip" in table and (isinstance(skip, bool) or not isinstance(skip, int) or skip < 0):
         toml.refuse((*place, "skip"), f"skip = {shown(skip)}: must be a whole number of lines, 0 or more")
@@ -454,74 +394,24 @@ def _direction_words(toml: TomlText, place: Place, table: Mapping[str, Any]) -> 
     return {word: key for key, word in given.items()}
 
 
-def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> OrderRules:
-    names = ("direction", *ORDER_COLUMNS)
-    toml.check_keys(("orders",), table, names, "column")
+def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> dict[str, ColumnRule]:
+    toml.check_keys(("orders",), table, ("direction", *ORDER_COLUMNS), "column")
     for key in table:
         if key in header:
             toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
-    listed = table.get("order")
-    orders: tuple[float, ...] = ()
-    if isinstance(listed, list):
-        orders = _listed_orders(toml, listed)
-    columns = {
-        key: _order_column(toml, key, value)
-        for key, value in table.items()
-        if key != "direction" and not (key == "order" and orders)
-    }
-    for key, rule in columns.items():
-        several, wave = OF_ORDER in rule.where.name, key in (*_WAVES, "sigma")
-        if several and not (orders and wave):
-            reason = "order is a column" if wave else f"{key} is one for all orders"
-            remedy = "write order = [39, 78] with the orders of the columns" if wave else "give one column"
-            toml.refuse(("orders", key), f"{key}: {OF_ORDER} in the name, but {reason}; {remedy}")
-        if orders and key in _WAVES and not several:
-            toml.refuse(
-                ("orders", key), f"{key} is of several orders; write {OF_ORDER} in its name where the order stands"
-            )
-    phase = table.get("phase")
-    return OrderRules(
-        columns=columns,
-        direction=_direction_rule(toml, table["direction"]) if "direction" in table else None,
-        orders=orders,
-        sine=isinstance(phase, dict) and phase.get("of") == "sin",
-    )
+    return {key: _order_rule(toml, key, value) for key, value in table.items()}
 
 
-def _listed_orders(toml: TomlText, listed: Sequence[object]) -> tuple[float, ...]:
-    place: Place = ("orders", "order")
-    found: list[float] = []
-    for value in listed:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
-            toml.refuse(
-                place, f"order holds {shown(value)}: must be numbers above 0, waves per output turn; correct it"
-            )
-        if value in found:
-            toml.refuse(place, f"order holds {value:g} twice; write each order once")
-        found.append(float(value))
-    if not found:
-        toml.refuse(place, "order holds none; write order = [39, 78] with the orders of the columns")
-    return tuple(found)
-
-
-def _order_column(toml: TomlText, key: str, value: object) -> ColumnRule:
+def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: Place = ("orders", key)
-    unit = f', unit = "{ORDER_EXAMPLES[key]}"' if ORDER_COLUMNS[key] else ""
-    keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if ORDER_COLUMNS[key] else _UNITLESS
-    table = column_table(toml, place, value, f'name = "..."{unit}', (*keys, "of") if key == "phase" else keys)
-    if table.get("of", "cos") not in ("cos", "sin"):
-        toml.refuse((*place, "of"), f'of = {shown(table["of"])}: must be "cos" or "sin", the wave whose phase it is')
-    return scaled_rule(toml, place, table, f'name = "..."{unit}', ORDER_COLUMNS[key])
-
-
-def _direction_rule(toml: TomlText, value: object) -> DirectionRule:
-    place: Place = ("orders", "direction")
-    example = 'name = "...", forward = "...", reverse = "..."'
-    table = column_table(toml, place, value, example, ("name", "column", "sign", "forward", "reverse"))
-    where, words = _where(toml, place, table, example), _direction_words(toml, place, table)
-    if words and "sign" in table:
-        toml.refuse((*place, "sign"), "words have no sign; leave out sign, or forward and reverse")
-    return DirectionRule(where=where, sign=_sign(toml, place, table), words=words)
+    if key == "direction":
+        example = 'name = "...", forward = "...", reverse = "..."'
+        table = column_table(toml, place, value, example, ("name", "column", "forward", "reverse"))
+        return ColumnRule(where=_where(toml, place, table, example), words=_direction_words(toml, place, table))
+    dimension = ORDER_COLUMNS[key]
+    example = 'name = "..."' + (f', unit = "{ORDER_EXAMPLES[key]}"' if dimension else "")
+    keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if dimension else _UNITLESS
+    return scaled_rule(toml, place, column_table(toml, place, value, example, keys), example, dimension)
 
 
 def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
@@ -529,11 +419,9 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
     example = _HEADER_EXAMPLES[key]
     dimension = ORDER_CONDITIONS.get(key)
     if isinstance(value, dict):
-        # of a table the column of a condition is no mean: it stands in [orders]
-        kinds = _VALUE[:3] if dimension and of_run else ("property",)
         more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
-        toml.check_keys(place, value, (*kinds, *more), f"key of {key}")
-        where = _where(toml, place, value, 'property = "..."', kinds)
+        toml.check_keys(place, value, ("property", *more), f"key of {key}")
+        where = _where(toml, place, value, 'property = "..."', ("property",))
         unit = toml.string(place, value, "unit", "").strip()
         if unit and dimension:
             try:

@@ -1,33 +1,47 @@
-"""MAT files as files of a bench: up to version 7 here, later ones are HDF5."""
+"""MAT files as files of a bench: up to version 7 by scipy, later ones are HDF5.
+
+scipy trusts the lengths that such a file states, so that a single wrong byte may end the process (scipy 1.17: 33 of
+3,456 files with one).  It therefore reads in a process of its own.
+"""
 
 from __future__ import annotations
 
-import io
-import math
-from collections.abc import Iterator, Sequence
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
-import scipy
 
-from rverror.base.text import PathLike, read_bytes, shown
+from rverror.base.text import PathLike
 from rverror.runs.bench.columns import (
     BenchFile,
     Entry,
     RawArray,
     channel_axis,
-    plain_number,
+    kind_problem,
     refused_in_one_line,
     shape_problem,
 )
-from rverror.runs.bench.mat_file import MatVariable, mat_variables
-from rverror.runs.reading import refuse
 
-#: Largest file, which is held in memory.
-MOST_BYTES = 2_000_000_000
+_READER = """
+import pickle, sys, warnings
+import scipy.io
+warnings.simplefilter("error", scipy.io.matlab.MatReadWarning)  # a variable that stands there twice
+try:
+    content = scipy.io.loadmat(sys.argv[1], appendmat=False)
+except Exception as error:
+    sys.exit(str(error))
+pickle.dump(content, sys.stdout.buffer)
+"""
+_LONGEST = 120.0  # s: a damaged file may never end
 
 
 def open_mat(path: PathLike) -> BenchFile:
     """List the variables of a file; those of a structure as ``structure/field``, channels of a matrix as ``matrix/2``.
+
+    Single values are properties too.
 
     Raises
     ------
@@ -35,66 +49,40 @@ def open_mat(path: PathLike) -> BenchFile:
         If the file is damaged.
     """
     name = str(path)
-    raw = read_bytes(path)
-    if len(raw) > MOST_BYTES:
-        refuse(
-            name, f"{len(raw) / 1e9:.1f} GB, at most {MOST_BYTES / 1e9:.0f} GB are read; cut the recording into runs"
-        )
     with refused_in_one_line(name, "MAT"):
-        # One at a time and without their numbers: only those that are asked for are held together.
-        entries = tuple(entry for entry, _ in _walk(raw))
-    names = [entry.name for entry in entries]
-    if twice := [each for i, each in enumerate(names) if each in names[:i]]:
-        refuse(name, f"the variable {shown(twice[0])} stands in it twice; store it again")
-
-    def columns(places: Sequence[int]) -> list[RawArray]:
-        wanted = {names[place] for place in places}
-        with refused_in_one_line(name, "MAT"):
-            arrays = {entry.name: array for entry, array in _walk(raw) if entry.name in wanted and array is not None}
-        return [arrays[names[place]] for place in places]
-
-    return BenchFile(path=name, kind="MAT", entries=entries, columns=columns, parse=plain_number)
+        content = _read(name)
+    found = [each for key, value in content.items() if not key.startswith("__") for each in _columns(key, value)]
+    return BenchFile(
+        path=name,
+        kind="MAT",
+        properties={entry.name: str(array.item()) for entry, array in found if array.size == 1},
+        entries=tuple(entry for entry, _ in found),
+        columns=lambda places: [found[place][1] for place in places],
+    )
 
 
-def _walk(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:
-    if 0 in raw[:4]:  # version 4
-        yield from _version_4(raw)
+def _read(path: str) -> dict[str, Any]:
+    """Variables by name, and what scipy says of the file in names with underscores."""
+    command = [sys.executable, "-P", "-c", _READER, path]
+    done = subprocess.run(command, capture_output=True, timeout=_LONGEST, check=False)
+    if done.returncode:
+        raise OSError(done.stderr.decode(errors="replace") or "its lengths contradict one another")
+    content: dict[str, Any] = pickle.loads(done.stdout)
+    return content
+
+
+def _columns(name: str, value: Any) -> Iterator[tuple[Entry, RawArray]]:
+    """A vector, each channel of a matrix, or what the fields of a structure hold."""
+    if not isinstance(value, np.ndarray):
+        yield Entry(name=name, problem="is a sparse matrix; store full(...) of it"), np.empty(0)
         return
-    for variable in mat_variables(raw):
-        if variable.name:  # MATLAB keeps what objects share in a variable without a name
-            yield from _columns(variable, "")
-
-
-def _columns(variable: MatVariable, prefix: str) -> Iterator[tuple[Entry, RawArray | None]]:
-    name = f"{prefix}{variable.name}"
-    if variable.fields:
-        for field in variable.fields:
-            yield from _columns(field, f"{name}/")
+    if value.dtype.names and value.size == 1:
+        for field in value.dtype.names:
+            yield from _columns(f"{name}/{field}", value[field].flat[0])
         return
-    if not variable.problem and variable.array is not None:
-        yield from _of_array(name, variable.array)
-    else:
-        yield Entry(name=name, size=math.prod(variable.shape), problem=variable.problem), variable.array
-
-
-def _of_array(name: str, array: RawArray) -> Iterator[tuple[Entry, RawArray]]:
-    """A vector, or each channel of a matrix."""
-    if (axis := channel_axis(array.shape)) >= 0:
-        size = array.shape[1 - axis]
-        for number in range(array.shape[axis]):
-            channel = array.take(number, axis)
-            yield Entry(name=f"{name}/{number + 1}", size=size, problem=shape_problem((size,))), channel
+    problem = kind_problem(value.dtype)
+    if problem or (axis := channel_axis(value.shape)) < 0:
+        yield Entry(name=name, size=value.size, problem=problem or shape_problem(value.shape)), value
         return
-    yield Entry(name=name, size=array.size, problem=shape_problem(array.shape)), array
-
-
-def _version_4(raw: bytes) -> Iterator[tuple[Entry, RawArray | None]]:
-
-    for name, value in scipy.io.loadmat(io.BytesIO(raw)).items():
-        if not name.startswith("__"):
-            array = np.asarray(value)
-            if array.dtype.kind in "fiu":
-                yield from _of_array(name, array)
-            else:
-                problem = "holds text or no real numbers; take another column"
-                yield Entry(name=name, size=int(array.size), problem=problem), None
+    for number, channel in enumerate(np.moveaxis(value, axis, 0), 1):
+        yield Entry(name=f"{name}/{number}", size=channel.size, problem=shape_problem(channel.shape)), channel

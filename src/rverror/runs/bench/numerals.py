@@ -1,4 +1,4 @@
-"""Numbers as instruments and spreadsheets print them: decimal point or comma, digits in groups of three."""
+"""Numbers as instruments and spreadsheets print them: decimal point or comma, times of day."""
 
 from __future__ import annotations
 
@@ -6,52 +6,28 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-#: Signs that may stand between groups of three digits.
-THOUSANDS = (".", ",", "'", "’", " ", "\u00a0", "\u202f")
 # 1.234 and 12,345,678: one digit to three, none of them a leading zero, then groups of three.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})(?:\1\d{3})*$")
 _NUMERAL = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?$")
 
 
-@dataclass(frozen=True)
-class Numerals:
-    """How a file writes numbers.
-
-    Attributes
-    ----------
-    decimal : str
-        ``.`` or ``,``.
-    thousands : str
-        Sign between groups of three digits; empty where there is none.
+def number_in(cell: str, decimal: str = ".") -> float | None:
+    """Value of a cell; None where it holds no number with this decimal sign, point or comma.
 
     Examples
     --------
-    >>> Numerals(",", ".").parse("-1.234,5")
-    -1234.5
-    >>> Numerals(",").parse("1.5") is None
-    True
+    >>> number_in("-1234,5", ","), number_in("1.5", ",")
+    (-1234.5, None)
     """
-
-    decimal: str = "."
-    thousands: str = ""
-
-    def parse(self, cell: str) -> float | None:
-        """Value of a cell; None where it holds no number written so."""
-        text = cell.strip()
-        if self.thousands and self.thousands in text:
-            whole, sign, rest = text.partition(self.decimal)
-            first, *groups = whole.lstrip("+-").split(self.thousands)
-            if not (1 <= len(first) <= 3 and all(len(group) == 3 and group.isdigit() for group in groups)):
-                return None
-            text = whole.replace(self.thousands, "") + sign + rest
-        if self.decimal == ",":
-            if "." in text:
-                return None
-            text = text.replace(",", ".")
-        try:
-            return None if "_" in text else float(text)
-        except ValueError:
+    text = cell.strip()
+    if decimal == ",":
+        if "." in text:
             return None
+        text = text.replace(",", ".")
+    try:
+        return None if "_" in text else float(text)
+    except ValueError:
+        return None
 
 
 _OF_DAY = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d(?:[.,]\d*)?)$")
@@ -79,7 +55,7 @@ def is_number(cell: str) -> bool:
     >>> is_number("1,5"), is_number("12:00:01"), is_number("")
     (True, True, False)
     """
-    return any(Numerals(sign).parse(cell) is not None for sign in ".,") or seconds_of_day(cell) is not None
+    return any(number_in(cell, sign) is not None for sign in ".,") or seconds_of_day(cell) is not None
 
 
 @dataclass(frozen=True)

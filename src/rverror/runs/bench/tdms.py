@@ -17,7 +17,6 @@ from rverror.runs.bench.columns import (
     Entry,
     RawArray,
     kind_problem,
-    plain_number,
     refused_in_one_line,
     shape_problem,
 )
@@ -64,8 +63,6 @@ def open_tdms(path: PathLike) -> BenchFile:
         columns=columns,
         properties=properties,
         notes=("the file ends before its last part is complete; what was written is read",) if cut_off else (),
-        cut_off=cut_off,
-        parse=plain_number,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, zip_longest
 from typing import NoReturn
@@ -16,8 +16,8 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
-from rverror.runs.bench.numerals import Numerals, Undecided, found_decimal, is_number, seconds_of_day
-from rverror.runs.reading import COLUMN_NAME, COLUMNS, refuse
+from rverror.runs.bench.numerals import Undecided, found_decimal, is_number, number_in, seconds_of_day
+from rverror.runs.reading import COLUMNS, HEADER_LINE, KNOWN_KEYS, Stated, bare_name, refuse
 
 #: Separators that are tried, in this order; blanks only for a draft.
 SEPARATORS = (";", "\t", ",", "|", " ")
@@ -26,9 +26,6 @@ _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _PROPERTY = re.compile(r"[#%;\s\"]*([^:=\t;,|]+?)[\"\s]*[:=\t;,|]\s*(.*)$")
 _FAMILY = re.compile(r"(?<=\S)\s+\(.*\)$")  # of a unit: "deg (Angle)"
 _BLANKS = re.compile(r"[ \t]+")
-#: Most rows and bytes of a text, which is held in memory cell by cell.
-MOST_ROWS = 5_000_000
-MOST_BYTES = 500_000_000
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,9 @@ class _Names:
     cells: tuple[str, ...]
 
 
-def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> BenchFile:
+def open_text(
+    path: PathLike, rules: TextRules, wanted: Sequence[str | int], standard: Mapping[str, str] = COLUMNS
+) -> BenchFile:
     """Read a text file and find its column names.
 
     Parameters
@@ -48,7 +47,10 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
     rules : TextRules
         What is stated of it.
     wanted : sequence of str or int
-        Names of columns, or their numbers from 1; where there is none, the names of a run file.
+        Names of columns, or their numbers from 1; where there is none, the standard ones are looked for, and what the
+        file says of itself in lines ``# key: value`` counts.
+    standard : mapping of str to str
+        Columns of a run file or of an order table, with their dimension.
 
     Raises
     ------
@@ -56,10 +58,16 @@ def open_text(path: PathLike, rules: TextRules, wanted: Sequence[str | int]) -> 
         If the text cannot be decoded, or its names, separator or decimal sign cannot be told.
     """
     name = str(path)
-    return open_lines(name, split_lines(decoded(name, read_bytes(path), rules.encoding)), rules, wanted)
+    return open_lines(name, split_lines(decoded(name, read_bytes(path), rules.encoding)), rules, wanted, standard)
 
 
-def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int]) -> BenchFile:
+def open_lines(
+    name: str,
+    lines: Sequence[str],
+    rules: TextRules,
+    wanted: Sequence[str | int],
+    standard: Mapping[str, str] = COLUMNS,
+) -> BenchFile:
     """The same of lines, for other formats that are tables too.
 
     Parameters
@@ -67,7 +75,7 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
     name : str
         Of the file, for messages.
     lines : sequence of str
-    rules, wanted
+    rules, wanted, standard
         As for `open_text`.
 
     Raises
@@ -76,25 +84,24 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
         As `open_text`.
     """
     if not any(line.strip() for line in lines):
-        refuse(name, "the file is empty; record the run again")
-    names = _found_names(name, lines, rules, wanted)
-    rows = [i for i in range(names.line + 1, len(lines)) if lines[i].strip() and not lines[i].lstrip().startswith("#")]
-    if names.line < 0:
-        rows = [i for i in rows if i >= max(rules.skip, 0)]
-    place = f"line {names.line + 1}" if names.line >= 0 else ""
+        refuse(name, "the file is empty; give one with rows of numbers")
+    names = _found_names(name, lines, rules, wanted, standard)
+    header = {} if wanted else _header(name, lines, names.line)
+    first = names.line + 1 if names.cells else max(rules.skip, 0)
+    rows = [i for i in range(first, len(lines)) if lines[i].strip() and not lines[i].lstrip().startswith("#")]
+    place = f"line {names.line + 1}" if names.cells else ""
     if not rows:
         refuse(name, f"{place or 'the file'}: no rows below the column names; measure or export it again")
-    if len(rows) > MOST_ROWS:
-        refuse(name, f"{len(rows):,} rows, at most {MOST_ROWS:,} are read; cut the recording into runs")
     table = [split_cells(lines[i], names.separator) for i in rows]
     facts = table[: described_columns(table)] if names.cells else []
     rows, table = rows[len(facts) :], table[len(facts) :]
     width = len(names.cells) or max(map(len, table))
-    _check_widths(name, rows, table, width, names.separator)
-    used = _used(names.cells, wanted) if names.cells else [int(number) - 1 for number in wanted]
+    if names.cells:
+        _check_widths(name, rows, table, names, complete=not wanted)
+    used = _used(names.cells, wanted, standard)
     more = _ended(table, used) if facts else 0  # where other columns were sampled more often
     rows, table = rows[: len(rows) - more], table[: len(table) - more]
-    numerals, decimal_note = _numerals(name, rows, table, [i for i in used if i < width], rules, names.separator)
+    decimal, decimal_note = _decimal(name, rows, table, [i for i in used if i < width], rules, names.separator)
     cells = names.cells or tuple(f"column {i + 1}" for i in range(width))
     entries = tuple(replace(entry, size=len(rows)) for entry in column_facts(cells, facts))
 
@@ -102,11 +109,20 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
         return [row[place] if place < len(row) else "" for row in table]
 
     def columns(places: Sequence[int]) -> list[RawArray]:
-        return [_column(name, rows, cells_at(place), place, cells[place], numerals) for place in places]
+        found = [_column(cells_at(place), decimal) for place in places]
+        for place, values in zip(places, found, strict=True):
+            if wanted and np.isnan(values.astype(np.float64)).all():
+                at = f"line {rows[0] + 1}, column {place + 1}: {shown(cells_at(place)[0])}"
+                refuse(
+                    name,
+                    f"{at} is no number, nor is any cell of {shown(cells[place], 60)}; choose another column, or "
+                    f"correct decimal in [file] of the mapping (now {decimal!r})",
+                )
+        return found
 
     notes = []
     above = [line for line in lines[: max(names.line, 0)] if line.strip()]
-    if names.line >= 0 and not rules.separator:
+    if names.cells and not rules.separator and (names.separator != "," or wanted):
         notes.append(f"separator found in {place}: {_WORDS[names.separator]}")
     if above and not all(line.lstrip().startswith("#") for line in above):
         notes.append(f"column names found in {place}; what stands above is the preamble")
@@ -119,12 +135,13 @@ def open_lines(name: str, lines: Sequence[str], rules: TextRules, wanted: Sequen
         kind="text",
         entries=entries,
         columns=columns,
-        properties=_properties(lines[: names.line] if names.line >= 0 else lines[: rows[0]]),
+        properties=_properties(lines[: names.line] if names.cells else lines[: rows[0]]),
+        header=header,
         notes=(*notes, *decimal_note),
         place=place,
         noun="line",
         labels=np.array(rows) + 1,
-        parse=numerals.parse,
+        decimal=decimal,
         cells=cells_at,
     )
 
@@ -140,12 +157,10 @@ def decoded(path: str, raw: bytes, encoding: str) -> str:
     Raises
     ------
     InputError
-        If it is too long, no text, or of another encoding.
+        If it is no text, or of another encoding.
     """
-    if len(raw) > MOST_BYTES:
-        refuse(path, f"{len(raw) / 1e6:.0f} MB of text, at most {MOST_BYTES / 1e6:.0f} MB are read; cut it into runs")
     if not encoding and raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        refuse(path, 'the text is UTF-16; write encoding = "utf-16" in [file] of the mapping')
+        refuse(path, 'the text is UTF-16; save it as UTF-8, or write encoding = "utf-16" in [file] of a mapping')
     if not encoding and b"\0" in raw:
         refuse(path, "this is no text file (it holds zero bytes), nor MAT, HDF5 or TDMS; export it as one of them")
     try:
@@ -155,7 +170,8 @@ def decoded(path: str, raw: bytes, encoding: str) -> str:
         remedy = (
             "correct encoding in [file] of the mapping"
             if encoding
-            else 'write encoding = "cp1252" (Windows, western Europe) or another in [file] of the mapping'
+            else 'save the file as UTF-8, or write encoding = "cp1252" or another in [file] of a mapping (rverror read '
+            "FILE --draft begins one)"
         )
         raise InputError(
             f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no {encoding or 'UTF-8'} text; {remedy}"
@@ -188,17 +204,27 @@ def split_cells(line: str, separator: str) -> list[str]:
 # --- the column names -------------------------------------------------------------------------------------------------
 
 
-def _found_names(path: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int]) -> _Names:
+def _found_names(
+    path: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int], standard: Mapping[str, str]
+) -> _Names:
     tried = (rules.separator,) if rules.separator else SEPARATORS[:-1]
     texts = [name for name in wanted if isinstance(name, str)]
     if wanted and not texts:
         if not rules.separator:
             refuse(path, 'columns given by number need the separator; write separator = ";" or another in [file]')
         return _Names(-1, rules.separator, ())
-    fits: Callable[[Sequence[str]], bool] = (
-        (lambda cells: set(texts) <= set(cells)) if texts else (lambda cells: any(map(_is_angle, cells)))
-    )
-    candidates = _candidates(path, lines, rules)
+    # Time or a torque may stand in any preamble.
+    telling = [name for name, dimension in standard.items() if dimension in ("angle", "")]
+
+    def fits(cells: Sequence[str]) -> bool:
+        if texts:
+            return set(texts) <= set(cells)
+        return any(bare_name(cell) in telling for cell in cells)
+
+    filled = [i for i, line in enumerate(lines) if line.strip() and i >= rules.skip]
+    if not filled:
+        refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
+    candidates = filled[:1] if rules.skip >= 0 else filled
     for i in candidates:
         fitting = [names for sign in tried if fits((names := _names_in(lines, i, sign)).cells)]
         # A single name holds no separator: every sign fits then, and the one that splits the line is meant.
@@ -209,14 +235,7 @@ def _found_names(path: str, lines: Sequence[str], rules: TextRules, wanted: Sequ
         if split:
             _check_twice(path, split[0], texts)
             return split[0]
-    _refuse_names(path, lines, candidates, tried, texts)
-
-
-def _candidates(path: str, lines: Sequence[str], rules: TextRules) -> list[int]:
-    filled = [i for i, line in enumerate(lines) if line.strip() and i >= rules.skip]
-    if not filled:
-        refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
-    return filled[:1] if rules.skip >= 0 else filled
+    _refuse_names(path, [_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried], texts or telling)
 
 
 def _names_in(lines: Sequence[str], at: int, separator: str) -> _Names:
@@ -237,20 +256,10 @@ def trimmed(cells: Sequence[str]) -> list[str]:
     return list(cells[: max((i + 1 for i, cell in enumerate(cells) if cell), default=0)])
 
 
-def _known(cell: str) -> bool:
-    match = COLUMN_NAME.match(cell)
-    return match is not None and match[1].strip().lower() in COLUMNS
-
-
-def _is_angle(cell: str) -> bool:
-    """Tell a name of a run file other than time, which any preamble may hold."""
-    return _known(cell) and not cell.lower().startswith("time")
-
-
-def _used(cells: Sequence[str], wanted: Sequence[str | int]) -> list[int]:
+def _used(cells: Sequence[str], wanted: Sequence[str | int], standard: Mapping[str, str]) -> list[int]:
     """Places of the columns that are read."""
     if not wanted:
-        return [i for i, cell in enumerate(cells) if _known(cell)]
+        return [i for i, cell in enumerate(cells) if bare_name(cell) in standard]
     return [name - 1 if isinstance(name, int) else cells.index(name) for name in wanted]
 
 
@@ -265,36 +274,24 @@ def _check_twice(path: str, names: _Names, texts: Sequence[str]) -> None:
             )
 
 
-def _refuse_names(
-    path: str, lines: Sequence[str], candidates: Sequence[int], tried: Sequence[str], texts: Sequence[str]
-) -> NoReturn:
-    """Say which name is missing in the line that has most of them."""
-    best = max(
-        (_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried),
-        key=lambda names: (len(set(texts) & set(names.cells)), _near(names.cells, texts)),
-    )
-    stated = ", ".join(_WORDS[sign] for sign in tried)
-    if not texts:
+def _refuse_names(path: str, tried: Sequence[_Names], wanted: Sequence[str]) -> NoReturn:
+    """Say which name is missing in the line that has most of them or the like."""
+
+    def near(names: _Names) -> int:
+        return sum(bool(did_you_mean(text, filter(None, names.cells))) for text in wanted)
+
+    best = max(tried, key=near)
+    if not near(best):
+        signs = ", ".join(dict.fromkeys(_WORDS[names.separator] for names in tried))
         refuse(
             path,
-            f"no line holds input_angle, output_angle or te as column names (separators tried: {stated}); "
-            "give the bench's own names in [columns] of the mapping",
+            f"no line holds column names such as {some_names(wanted)} (separators tried: {signs}); check the names and "
+            "the encoding, or describe the file in a mapping (rverror read FILE --draft begins one)",
         )
-    missing = [text for text in texts if text not in best.cells]
-    if len(missing) == len(texts) and not _near(best.cells, texts):
-        refuse(
-            path,
-            f"no line holds the column name {shown(missing[0], 60)} (separators tried: {stated}); check the names and "
-            "the encoding in the mapping",
-        )
-    hint = did_you_mean(missing[0], [cell for cell in best.cells if cell and cell not in texts])
+    missing = next(text for text in wanted if text not in best.cells)
+    hint = did_you_mean(missing, [cell for cell in best.cells if cell and cell not in wanted])
     names = some_names(best.cells)
-    refuse(path, f"line {best.line + 1}: there is no column {shown(missing[0], 60)};{hint} the names are {names}")
-
-
-def _near(cells: Sequence[str], texts: Sequence[str]) -> int:
-    """Number of texts that resemble a cell."""
-    return sum(bool(did_you_mean(text, [cell for cell in cells if cell])) for text in texts)
+    refuse(path, f"line {best.line + 1}: there is no column {shown(missing, 60)};{hint} the names are {names}")
 
 
 def unit_in_name(cell: str) -> str:
@@ -348,7 +345,7 @@ def column_facts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[En
     """
     told = {row[0].lower(): row for row in rows}
     units = [_FAMILY.sub("", cell).strip("[]() ") for cell in told.get("unit", ())]
-    intervals = [Numerals("," if "," in cell else ".").parse(cell) for cell in told.get("sampletime[ms]", ())]
+    intervals = [number_in(cell.replace(",", ".")) for cell in told.get("sampletime[ms]", ())]
     return [
         Entry(
             name=name,
@@ -357,6 +354,27 @@ def column_facts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[En
         )
         for name, unit, interval in islice(zip_longest(names, units, intervals), len(names))
     ]
+
+
+def _header(path: str, lines: Sequence[str], names: int) -> dict[str, Stated]:
+    """What lines ``# key: value`` above the names state; known keys in lower case."""
+    found: dict[str, Stated] = {}
+    for number, line in enumerate(lines, 1):
+        match = HEADER_LINE.match(line.strip())
+        if match is None:
+            continue
+        known = match[1].lower() in KNOWN_KEYS
+        key, stated = match[1].lower() if known else match[1], Stated(text=match[2], at=f"line {number}")
+        if known and number > names:
+            refuse(path, f"{stated.at}: {key} stands among the rows; write it above the column names, and each run in "
+                         "a file of its own")  # fmt: skip
+        if known and found.get(key, stated).text != stated.text:
+            before = found[key]
+            refuse(path, f"{stated.at}: {key} = {shown(stated.text)}, but {before.at} says {shown(before.text)}; leave "
+                         "one of them")  # fmt: skip
+        if number <= names:
+            found[key] = stated
+    return found
 
 
 def _properties(lines: Sequence[str]) -> Mapping[str, str]:
@@ -371,70 +389,64 @@ def _properties(lines: Sequence[str]) -> Mapping[str, str]:
 # --- the rows ---------------------------------------------------------------------------------------------------------
 
 
-def _check_widths(path: str, rows: Sequence[int], table: list[list[str]], width: int, separator: str) -> None:
-    """Refuse rows with cells that no column names, or with another separator: their numbers may be in wrong columns."""
-    others = [sign for sign in SEPARATORS[:-1] if sign != separator]
+def _check_widths(path: str, rows: Sequence[int], table: list[list[str]], names: _Names, *, complete: bool) -> None:
+    """Refuse rows with cells that no column names, or with another separator: their numbers may be in wrong columns.
+
+    Parameters
+    ----------
+    complete : bool
+        Whether each row must have all cells.
+    """
+    width = len(names.cells)
+    others = [sign for sign in SEPARATORS[:-1] if sign != names.separator]
     for i, cells in zip(rows, table, strict=True):
-        if len(cells) == 1 < width - 1 and any(cells[0].count(sign) >= width - 1 for sign in others):
-            refuse(path, f"line {i + 1}: 1 cell, but {width} column names; correct the line, which has another "
-                         "separator")  # fmt: skip
-        if len(cells) <= width or not any(cells[width:]):
+        if len(cells) > width and any(cells[width:]):
+            remedy = "complete the names or delete the cells"
+            if names.separator == "," and len(cells) == 2 * width:
+                remedy = (
+                    "if the comma is the decimal sign too, the file cannot be read: export it with ';' between cells"
+                )
+        elif len(cells) == 1 < width - 1 and any(cells[0].count(sign) >= width - 1 for sign in others):
+            remedy = "correct the line, which has another separator"
+        elif len(cells) < width and complete:
+            remedy = "complete the row or delete it"
+        else:
             continue
-        remedy = "complete the names or delete the cells"
-        if separator == "," and len(cells) == 2 * width:
-            remedy = "if the comma is the decimal sign too, the file cannot be read: export it with ';' between cells"
-        refuse(path, f"line {i + 1}: {len(cells)} cells, but {width} column names; {remedy}")
+        refuse(path, f"line {i + 1}: {count_of(len(cells), 'cell')}, but {width} column names; {remedy}")
 
 
-def _numerals(
+def _decimal(
     path: str, rows: Sequence[int], table: list[list[str]], used: Sequence[int], rules: TextRules, separator: str
-) -> tuple[Numerals, list[str]]:
-    """How numbers are written, and a note where that was found and not stated."""
+) -> tuple[str, list[str]]:
+    """Decimal sign, and a note where that was found and not stated."""
     where = [(row, place) for row, cells in enumerate(table) for place in used if place < len(cells)]
     if rules.decimal:
         other = "," if rules.decimal == "." else "."
-        if rules.thousands != other:
-            for row, place in where:
-                cell = table[row][place]
-                if other in cell and Numerals(other).parse(cell) is not None:
-                    refuse(
-                        path,
-                        f"line {rows[row] + 1}, column {place + 1}: {shown(cell)} holds {other!r}, but the mapping "
-                        f"says decimal = {rules.decimal!r}; correct decimal, or write thousands = {other!r} in [file]",
-                    )
-        return Numerals(rules.decimal, rules.thousands), []
+        for row, place in where:
+            cell = table[row][place]
+            if other in cell and number_in(cell, other) is not None:
+                refuse(
+                    path,
+                    f"line {rows[row] + 1}, column {place + 1}: {shown(cell)} holds {other!r}, but the mapping says "
+                    f"decimal = {rules.decimal!r}; correct decimal in [file]",
+                )
+        return rules.decimal, []
     found = found_decimal((table[row][place] for row, place in where), point_is_decimal=separator == ",")
     if isinstance(found, Undecided):
         row, place = where[found.place]
         refuse(
             path,
             f"line {rows[row] + 1}, column {place + 1}: {shown(found.cell)} {found.why}; write decimal = '.' or ',' in "
-            "[file] of the mapping, and thousands where digits are grouped",
+            "[file] of the mapping, and export numbers without signs between thousands",
         )
     if found in ("", ".") and separator == ",":
-        return Numerals("."), []
-    return Numerals(found or "."), [f"decimal sign found in the rows: {found!r}"] if found else []
+        return ".", []
+    return found or ".", [f"decimal sign found in the rows: {found!r}"] if found else []
 
 
-def _column(
-    path: str, rows: Sequence[int], cells: Sequence[str], place: int, name: str, numerals: Numerals
-) -> RawArray:
+def _column(cells: Sequence[str], decimal: str) -> RawArray:
     """Numbers of a column, NaN where a cell holds none; or its times of day, where its cells are such."""
     if seconds_of_day(next(filter(None, cells), "")) is not None:
-        seconds = [seconds_of_day(cell) for cell in cells]
-        stored = [
-            np.timedelta64("NaT") if each is None else np.timedelta64(round(1e9 * each), "ns") for each in seconds
-        ]
-        return np.array(stored, dtype="timedelta64[ns]")
-    values = np.full(len(rows), np.nan)
-    first = ""
-    for row, cell in enumerate(cells):
-        value = numerals.parse(cell)
-        if value is not None:
-            values[row] = value
-        elif cell and not first:
-            first = f"line {rows[row] + 1}, column {place + 1}: {shown(cell)}"
-    if first and not np.isfinite(values).any():
-        refuse(path, f"{first} is no number, nor is any cell of {shown(name, 60)}; choose another column, or correct "
-                     f"decimal in [file] of the mapping (now {numerals.decimal!r})")  # fmt: skip
-    return values
+        nanoseconds = [None if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
+        return np.array(["NaT" if each is None else each for each in nanoseconds], dtype="timedelta64[ns]")
+    return np.array([number_in(cell, decimal) for cell in cells], dtype=np.float64)  # None is NaN

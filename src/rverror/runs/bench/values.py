@@ -16,8 +16,6 @@ from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, O
 _DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
 _UNITS = BENCH_EXAMPLES | ORDER_EXAMPLES
 _DAY = 86400.0  # s
-# What counters of 16, 24 and 32 bits hold.
-_COUNTER_SIZES = (2.0**16, 2.0**24, 2.0**32)
 
 
 def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array: RawArray, notes: list[str]) -> Array:
@@ -50,14 +48,10 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
         notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
         return samples
     factor, zero = core_scale(file, key, rule, entry, _DIMENSIONS[key], _UNITS[key], notes)
+    if rule.wraps_at:
+        samples = _without_restarts(file, key, rule.wraps_at, samples, notes)
     if rule.counts:
-        samples = _unwrapped_counts(file, key, rule, samples, notes)
         notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {_UNITS[key]}")
-    if array.dtype.kind == "f" and array.dtype.itemsize < 8 and _DIMENSIONS[key]:
-        largest = np.nanmax(np.abs(array.reshape(-1))) if np.isfinite(array).any() else array.dtype.type(0)
-        if np.isfinite(largest):
-            step = f"{abs(float(np.spacing(largest)) * factor / _display(key)):.2g} {_UNITS[key]}"
-            notes.append(f"{key} is stored with {8 * array.dtype.itemsize} bits: steps of {step} at its largest value")
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows or is no number is left out later
         return samples * factor + zero
 
@@ -129,36 +123,23 @@ def _check_unit(file: BenchFile, rule: ColumnRule, entry: Entry, dimension: str,
         )
 
 
-def _unwrapped_counts(file: BenchFile, key: str, rule: ColumnRule, counts: Array, notes: list[str]) -> Array:
-    """Undo the restarts of a counter; those of one turn are undone later, as of any angle."""
+def _without_restarts(file: BenchFile, key: str, size: float, counts: Array, notes: list[str]) -> Array:
+    """Undo the restarts of a counter after so many counts; those of one turn are undone later, as of any angle."""
     valid = np.isfinite(counts)
-    steps = np.diff(counts[valid])
-    if not steps.any():
-        return counts
-    usual = float(np.median(np.abs(steps[steps != 0])))
-    if rule.wraps_at:
-        size = rule.wraps_at
-        if usual > size / 4:
-            file.refuse(
-                f"{key} moves {usual:.6g} counts between samples, at most a quarter of wraps_at = {size:.6g} can be "
-                "unwrapped safely; sample more often, or use a wider counter"
-            )
-        if np.ptp(counts[valid]) > size * (1 + 1e-9):
-            file.refuse(
-                f"{key} covers {np.ptp(counts[valid]):.6g} counts, more than wraps_at = {size:.6g}; correct wraps_at, "
-                "or leave it out"
-            )
-        whole = counts.copy()
-        whole[valid] = np.unwrap(counts[valid], period=size)
-        jumps = int(np.count_nonzero(np.abs(steps) > size / 2))
-        if jumps:
-            notes.append(f"{key}: {jumps} restart{'s' if jumps > 1 else ''} of the counter by {size:.6g} removed")
-        return whole
-    for size in _COUNTER_SIZES:
-        restarts = (np.abs(np.abs(steps) - size) < 3 * usual) & (steps * np.median(steps) < 0)
-        if restarts.any() and usual < size / 20 and np.ptp(counts[valid]) <= size:
-            file.refuse(
-                f"{key} jumps by {abs(steps[restarts][0]):.0f} counts, which looks like a counter that starts again "
-                f"after {size:.0f}; write wraps_at = {size:.0f} beside counts_per_turn"
-            )
-    return counts
+    steps = np.abs(np.diff(counts[valid]))
+    usual = float(np.median(steps[steps != 0])) if steps.any() else 0.0
+    if usual > size / 4:
+        file.refuse(
+            f"{key} moves {usual:.6g} counts between samples, at most a quarter of wraps_at = {size:.6g} can be "
+            "unwrapped safely; sample more often, or use a wider counter"
+        )
+    if valid.any() and np.ptp(counts[valid]) > size * (1 + 1e-9):
+        file.refuse(
+            f"{key} covers {np.ptp(counts[valid]):.6g} counts, more than wraps_at = {size:.6g}; correct wraps_at, or "
+            "leave it out"
+        )
+    whole = counts.copy()
+    whole[valid] = np.unwrap(counts[valid], period=size)
+    if jumps := int(np.count_nonzero(steps > size / 2)):
+        notes.append(f"{key}: {count_of(jumps, 'restart')} of the counter by {size:.6g} removed")
+    return whole

@@ -1,0 +1,202 @@
+"""Rows of order tables from files: text that says ``# kind: orders``, or a bench's report by way of a mapping."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from itertools import compress
+
+import numpy as np
+import numpy.typing as npt
+
+from rverror.base.directions import DIRECTIONS
+from rverror.base.numbers import count_of, way
+from rverror.base.text import PathLike, did_you_mean, shown
+from rverror.runs.bench.columns import BenchFile, Entry
+from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_file, standard_rules
+from rverror.runs.bench.header import header_quantity, header_values, unknown_word
+from rverror.runs.bench.mapping import BenchMapping, ColumnRule
+from rverror.runs.bench.numerals import number_in
+from rverror.runs.bench.values import core_values
+from rverror.runs.reading import (
+    HEADER_KEYS,
+    ORDER_COLUMNS,
+    ORDER_CONDITIONS,
+    OrderRows,
+    Stated,
+    check_lengths,
+    listed,
+    refuse,
+)
+
+#: What the header's ``kind`` says of an order table.
+KIND = "orders"
+#: Header keys of an order table that have a meaning.
+ORDER_KEYS = ("kind", *HEADER_KEYS, "input_speed")
+_STANDARD = {**ORDER_COLUMNS, "direction": ""}
+#: Conditions that a bench may print with the sign of the motion; a table has their size.
+_SIZES = ("output_torque", "input_speed")
+#: Columns that need another: what is not known without it, and what to give.
+_PAIRS = (
+    ("cos", "sin", "", "both, or amplitude and phase"),
+    ("sin", "cos", "", "both, or amplitude and phase"),
+    ("amplitude", "phase", ", so the waves are not known", "phase[deg], or cos[arcsec] and sin[arcsec]"),
+    ("phase", "amplitude", ", so the waves are not known", "amplitude[arcsec], or cos[arcsec] and sin[arcsec]"),
+)
+
+
+def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
+    """Read the rows of an order table.
+
+    Parameters
+    ----------
+    path : str or path-like
+    mapping : BenchMapping
+        Without `orders` the columns are named as in an order table, and the header says what it is.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; one line that names file, line, column, bound and remedy.
+    """
+    file = open_bench_file(path, mapping, _STANDARD)
+    notes = list(file.notes)
+    stated = header_values(file, mapping, ORDER_KEYS, notes)
+    if mapping.orders:
+        rules = dict(mapping.orders)
+        check_order_columns(mapping.path, "[orders]", rules)
+    else:
+        _check_kind(file, stated)
+        rules = standard_rules(file, mapping, _STANDARD)
+        names = [entry.name for entry in file.entries]
+        check_order_columns(file.path, file.place, rules, others=names)
+    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    numbers = [key for key in entries if key != "direction"]
+    arrays = file.read(entries[key] for key in numbers)
+    sizes = {key: array.size for key, array in zip(numbers, arrays, strict=True)}
+    check_lengths(file.path, sizes, "export them again")
+    columns = {
+        key: core_values(file, key, rules[key], entries[key], array, notes)
+        for key, array in zip(numbers, arrays, strict=True)
+    }
+    # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
+    kept = np.logical_or.reduce([np.isfinite(values) for values in columns.values()])
+    labels = file.rows(kept.size)
+    if not kept.all():
+        left = labels[~kept].tolist()
+        notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
+    columns = {key: values[kept] for key, values in columns.items()}
+    lines = labels[kept].tolist()
+    directions = _directions(file, rules, entries, stated, kept, lines)
+    notes += left_out_columns(file, list(entries.values()))
+    if mapping.orders:
+        for key in _SIZES:
+            if key in columns and (columns[key] < 0).any():
+                columns[key] = np.abs(columns[key])
+                notes.append(f"{key} has the sign of the motion; its size is taken")
+        if "amplitude" in rules and rules["amplitude"].sign < 0:  # the error counts the other way
+            columns["amplitude"], columns["phase"] = -columns["amplitude"], columns["phase"] + math.pi
+    conditions = {key: header_quantity(file, key, stated) for key in ORDER_CONDITIONS}
+    return OrderRows(
+        path=file.path,
+        labels=tuple(lines),
+        noun=file.noun,
+        directions=tuple(directions),
+        columns=columns,
+        stated={key: (value, stated[key].at) for key, value in conditions.items() if value is not None},
+        index=stated["index"].text if "index" in stated else "",
+        metadata={key: value.text for key, value in stated.items()},
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _check_kind(file: BenchFile, stated: Mapping[str, Stated]) -> None:
+    if "kind" not in stated:
+        file.refuse(f"line 1: the header does not say what the rows are; write '# kind: {KIND}' first")
+    kind = stated["kind"]
+    if kind.text.lower() != KIND:
+        file.refuse(f"{kind.at}: kind = {shown(kind.text)}: must be {KIND}")
+
+
+def check_order_columns(path: str, where: str, given: Collection[str], *, others: Sequence[str] = ()) -> None:
+    """Refuse rows that do not tell which order they are of, or how large and where its wave is.
+
+    Parameters
+    ----------
+    path, where : str
+        File and place, for the message.
+    given : collection of str
+        Known columns.
+    others : sequence of str
+        All columns as written, of which one may be meant.
+
+    Raises
+    ------
+    InputError
+    """
+
+    def meant(*missing: str) -> str:
+        """Another column that may be meant."""
+        bare = {name.partition("[")[0].strip().lower(): name for name in others}
+        for name in missing:
+            if match := next((bare[word] for word in bare if word not in given and did_you_mean(word, [name])), None):
+                return f" did you mean {name!r} by {shown(match)}?"
+        return ""
+
+    if "order" not in given:
+        refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")
+    if {"cos", "sin"} <= set(given) and (both := [name for name in ("amplitude", "phase") if name in given]):
+        refuse(path, f"{where}: {' and '.join(both)} beside cos and sin; leave one form of them")
+    for one, other, why, remedy in _PAIRS:
+        if one in given and other not in given:
+            refuse(path, f"{where}: {one} without {other}{why};{meant(other)} give {remedy}")
+    if not {"cos", "amplitude"} & set(given):
+        refuse(
+            path,
+            f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
+            "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
+        )
+
+
+def _directions(
+    file: BenchFile,
+    rules: Mapping[str, ColumnRule],
+    entries: Mapping[str, Entry],
+    stated: Mapping[str, Stated],
+    kept: npt.NDArray[np.bool_],
+    lines: Sequence[int],
+) -> list[float]:
+    """+1 or -1 of each row."""
+    above = None
+    if "direction" in stated:
+        above = _direction(file, stated["direction"].at, stated["direction"].text)
+    if "direction" not in rules:
+        if above is None:
+            file.refuse(
+                f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
+                "column 'direction', or direction in [header] or [orders] of the mapping"
+            )
+        return [above] * len(lines)
+    words = compress(file.words(entries["direction"]), kept.tolist())
+    places = [f"{file.noun} {line}" for line in lines]
+    found = [_direction(file, at, word, rules["direction"]) for at, word in zip(places, words, strict=True)]
+    for at, sign in zip(places, found, strict=True):
+        if above is not None and sign != above:
+            file.refuse(
+                f"{at}: direction = {way(sign)}, but {stated['direction'].at} says {way(above)}; leave one of them"
+            )
+    return found
+
+
+def _direction(file: BenchFile, at: str, word: str, rule: ColumnRule | None = None) -> float:
+    words = rule.words if rule else {}
+    meaning = word.strip().lower()
+    if words:
+        if meaning not in words:
+            file.refuse(f"{at}: direction = {shown(word)}: {unknown_word(words, rule.where.stated_at if rule else '')}")
+        return DIRECTIONS[words[meaning]]
+    number = DIRECTIONS.get(meaning) or number_in(word, file.decimal)
+    if not number or math.isnan(number):
+        hint = did_you_mean(word, DIRECTIONS) or ' write other words as forward = "..." and reverse = "..." in [orders]'
+        file.refuse(f"{at}: direction = {shown(word)}: must be forward or reverse, or a number above or below 0;{hint}")
+    return math.copysign(1.0, number)
