@@ -74,7 +74,7 @@ def add_commands(commands: Any) -> None:
             ),
             **MAPPING,
             "--compress": option(
-                "OUT.npz",
+                "OUT.jsonl",
                 "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
             ),
             "--jobs": option(

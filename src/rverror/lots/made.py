@@ -89,7 +89,7 @@ def lot(
         Of a reducer, with what all units share; stiffnesses need not be known better than to a fifth.
     units : sequence of LotUnit, or Amplitudes
         Each with a run for each condition, over a turn of the output or more; in the order in which they were made.
-        Or what `load_amplitudes` has made of them.
+        Or amplitudes of `lot_inputs`.
     tolerances : sequence of Tolerance, optional
         The drawing: which parts vary.  All sources of the catalogue where left out.
     seed : int
