@@ -7,19 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
-from rverror.base.numbers import brief
 from rverror.model.compensation import WAVE, order_index
 from rverror.model.effects import Effect, effect
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 
 _TURN = 2 * math.pi
 _FINE = 8  # samples a wave of the highest order, to see what waves leave between the points of a table
-_FEWEST = 4  # points a wave of the highest order: below, a table leaves 1 - cos(pi/4) = 29 % of it and more
+FEWEST = 4  # points a wave of the highest order: below, a table leaves 1 - cos(pi/4) = 29 % of it and more
 _MOST = 1 << 17
 _SETTLES = 8  # each takes off all but the slope of the correction, a few per cent
 
@@ -93,15 +90,16 @@ class Correction:
         """Sum of the waves at output angles, rad, shape (n,): what is added, to first order."""
         return wave_sum(theta, *self.waves(condition))
 
-    def limited(self, points: int) -> Correction:
-        """Without the orders that so many even points a turn cannot hold: fewer than four a wave."""
-        cases = [only(case, case.orders * _FEWEST <= points) for case in self.table.cases]
-        return replace(self, table=replace(self.table, cases=tuple(cases)))
+    def of_orders(self, orders: Array) -> Correction:
+        """The same with some of its orders."""
+        kept = [(case, np.isin(case.orders, orders)) for case in self.table.cases]
+        cases = tuple(replace(case, orders=case.orders[at], waves=case.waves[at]) for case, at in kept)
+        return replace(self, table=replace(self.table, cases=cases))
 
     def points(self, condition: TableCondition, allowed: float) -> int:
         """Even points a turn between which straight lines leave no more than so much rms, rad, four a wave at least."""
         highest = float(self.orders.max(initial=1.0))
-        count: int = 2 ** math.ceil(math.log2(max(_FEWEST * highest, 16)))
+        count: int = 2 ** math.ceil(math.log2(max(FEWEST * highest, 16)))
         while count < _MOST and self.between(count, condition) > allowed:
             count *= 2
         return count
@@ -133,18 +131,6 @@ class Correction:
         theta = self._angles()
         theta = theta if self.reach is None else theta[theta + angle <= self.reach[1]]
         return float(np.sqrt(np.mean((self.at(theta + angle, condition) - self.at(theta, condition)) ** 2)))
-
-    def of_itself(self, condition: TableCondition) -> float:
-        """What waves leave that are summed at the command and not where the input then stands: at most, rad.
-
-        Notes
-        -----
-        The error is te(theta + c) + c with c = -te(theta), whose size is that of c'(theta) c(theta) to second order.
-        `settled` leaves nothing.
-        """
-        theta = self._angles()
-        own = self.at(theta, condition)
-        return float(np.abs(own - self.at(self._bounded(theta + own), condition)).max())
 
     def settled(self, theta: Array, condition: TableCondition) -> Array:
         """Solution of c = w(theta + c), w the sum of the waves: what leads to where the waves cancel the error.
@@ -210,18 +196,6 @@ class Correction:
         first = next((c for c in at if c.torque == torque), at[0])
         return replace(first, direction=direction, torque=torque)
 
-    def check_ratio(self, ratio: float, name: str = "table") -> None:
-        """Refuse a correction that was made for another ratio.
-
-        Raises
-        ------
-        InputError
-        """
-        if not math.isclose(self.ratio, ratio, rel_tol=1e-6):
-            raise InputError(
-                f"{name}: made for a ratio of {brief(self.ratio)}, the model's is {brief(ratio)}; make a table for it"
-            )
-
 
 def wave_sum(theta: Array, orders: Array, waves: Waves) -> Array:
     """Sum of Re(z exp(i order theta)), shape (n,)."""
@@ -275,8 +249,3 @@ def waves_at(wanted: Array, orders: Array, waves: Waves) -> Waves:
     _, here, there = np.intersect1d(wanted, orders, assume_unique=True, return_indices=True)
     found[here] = waves[there]
     return found
-
-
-def only(case: OrderCase, wanted: npt.NDArray[np.bool_]) -> OrderCase:
-    """A case with some of its orders."""
-    return replace(case, orders=case.orders[wanted], waves=case.waves[wanted])

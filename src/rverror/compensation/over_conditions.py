@@ -12,8 +12,8 @@ from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
 from rverror.runs.order_table import TableCondition, Waves
 
-#: What a law may hang on, as in `TableCondition`.
-VARIABLES = ("torque", "input_speed", "temperature")
+#: What a law may hang on, as in `TableCondition`, with its dimension.
+VARIABLES = {"torque": "torque", "input_speed": "angular_speed", "temperature": "temperature"}
 _DEGREE = 2
 #: Conditions in one direction from which on a law is looked for: fewer are taken as they are.
 LEAST_CONDITIONS = 4
@@ -56,8 +56,13 @@ class ConditionLaw:
     @property
     def text(self) -> str:
         """Terms in words, ``constant + torque``."""
-        words = ["constant" if not any(e) else " ".join(_power(n, p) for n, p in _pairs(e) if p) for e in self.terms]
-        return " + ".join(words) or "none"
+        names = [name.replace("input_", "") for name in VARIABLES]
+        powers = ("", "{}", "{}^2")
+        words = [
+            " ".join(powers[p].format(name) for name, p in zip(names, exponents, strict=True) if p)
+            for exponents in self.terms
+        ]
+        return " + ".join(word or "constant" for word in words) or "none"
 
 
 def law_of(waves: Waves, conditions: Sequence[TableCondition], chance: float) -> ConditionLaw:
@@ -115,12 +120,3 @@ def _without_each(columns: Array, waves: Waves) -> Waves:
     rest = waves - columns @ (inverse @ waves)
     lever = np.einsum("ij,ji->i", columns, inverse)
     return np.asarray(rest / np.maximum(1 - lever, 1e-9), dtype=np.complex128)
-
-
-def _pairs(exponents: Exponents) -> list[tuple[str, int]]:
-    return list(zip(VARIABLES, exponents, strict=True))
-
-
-def _power(name: str, power: int) -> str:
-    word = name.replace("input_", "")
-    return word if power == 1 else f"{word}^{power}"
