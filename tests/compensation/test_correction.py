@@ -239,7 +239,7 @@ def write(path: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("nominal forward\n", "no compensation table .could not convert string 'nominal'"),
+        ("nominal forward\n", "no compensation table .could not convert string to float: 'nominal'"),
         ("0 0 0\n1 0\n", "no compensation table"),
         ("1 0 0\n0 0 0\n", "growing angles"),
         ("{}", "no compensation table"),

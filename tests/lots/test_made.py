@@ -164,7 +164,7 @@ def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> Non
         ),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0], torque=None),))], "output_torque"),
         (lambda: [LotUnit("a", (run(noise(1, 1)[0][:64], THETA[:64]),))], "it takes a whole turn"),
-        (lambda: [], "give three or more"),
+        (lambda: [], "0 units with a run of one condition: it takes 3 or more"),
     ],
 )
 def test_what_is_no_lot_is_refused_in_one_line(units: object, said: str) -> None:

@@ -35,7 +35,7 @@ def cores() -> int:
 def one_for_a_diagnosis(
     environment: MutableMapping[str, str], arguments: Sequence[str], loaded: Collection[str]
 ) -> None:
-    """Let commands that diagnose, or tell of a lot, multiply matrices on one thread, unless their user has said how many.
+    """Let commands that diagnose or tell of a lot multiply matrices on one thread, unless their user has said how many.
 
     They make many small products: two threads take twice the processor's time for them and are done no sooner.
     Its equilibria run on all cores.  A program that imports rverror keeps what it has.

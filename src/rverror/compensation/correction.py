@@ -69,22 +69,18 @@ class Correction:
         From the cases of the direction that come nearest in speed and temperature, straight from load to load, and
         beyond the smallest and largest load as there.
         """
-        cases = [case for case in self.table.cases if case.condition.direction == condition.direction]
-        orders = self.orders
+        orders, cases = self.orders, [c for c in self.table.cases if c.condition.direction == condition.direction]
         if not cases:
             return orders, np.zeros(orders.size, dtype=np.complex128)
-        near = [_distance(case.condition, condition) for case in cases]
-        cases = [case for case, off in zip(cases, near, strict=True) if off == min(near)]
-        known = {case.condition.torque: case for case in cases}
-        if condition.torque in known or condition.torque is None or None in known:
-            case = known.get(condition.torque, cases[0])
-            return orders, waves_at(orders, case.orders, case.waves)
-        loads = sorted(load for load in known if load is not None)
-        rows = np.array([waves_at(orders, known[load].orders, known[load].waves) for load in loads])
-        share = np.interp(condition.torque, loads, np.arange(len(loads)))
-        low = min(int(share), len(loads) - 1)
-        high = min(low + 1, len(loads) - 1)
-        return orders, np.asarray(rows[low] + (share - low) * (rows[high] - rows[low]), dtype=np.complex128)
+        off = [_distance(case.condition, condition) for case in cases]
+        near = [case for case, far in zip(cases, off, strict=True) if far == min(off)]
+        loads = {case.condition.torque: waves_at(orders, case.orders, case.waves) for case in near}
+        if condition.torque in loads or condition.torque is None or None in loads:
+            return orders, loads.get(condition.torque, next(iter(loads.values())))
+        torques = sorted(torque for torque in loads if torque is not None)
+        share = float(np.interp(condition.torque, torques, np.arange(len(torques))))
+        low, high = (loads[torques[at]] for at in (math.floor(share), math.ceil(share)))
+        return orders, low + (share - math.floor(share)) * (high - low)
 
     def at(self, theta: Array, condition: TableCondition) -> Array:
         """Sum of the waves at output angles, rad, shape (n,): what is added, to first order."""

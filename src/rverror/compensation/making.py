@@ -39,7 +39,7 @@ _MOST_LISTED = 5
 
 
 def compensate(
-    found: object,
+    found: Any,
     runs: Sequence[Run | OrderTable],
     *,
     torques: Sequence[Any] = (),
@@ -88,7 +88,7 @@ def compensate(
     >>> [one.order for one in made.orders], bool(made.unseen[0].after < 0.1 * made.unseen[0].before)
     ([14.0], True)
     """
-    model = getattr(found, "model", found)
+    model: Model = getattr(found, "model", found)
     check_kind("found", model, Model, "give a Model, or what diagnose() found")
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
     if not runs:

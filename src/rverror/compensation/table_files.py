@@ -55,15 +55,17 @@ class CommandTable:
         Commanded output angle, rad, growing.
     forward, reverse : ndarray, shape (n,)
         What is added in each direction, as an angle of the output, rad.
-    periodic : bool
-        Whether it spans a turn and repeats; else the ends hold beyond.
     """
 
     ratio: float
     angle: Array
     forward: Array
     reverse: Array
-    periodic: bool
+
+    @property
+    def periodic(self) -> bool:
+        """Whether it spans a turn and repeats; else the ends hold beyond."""
+        return math.isclose(self.angle[-1] - self.angle[0], _TURN, abs_tol=1e-6)
 
     def at(self, theta: Array, condition: TableCondition) -> Array:
         """What is added at commanded output angles in the direction of a condition, rad, shape (n,)."""
@@ -204,7 +206,7 @@ def by_points(correction: Correction, torque: float | None, points: int) -> Comm
     low, high = correction.reach or (0.0, _TURN)
     angle = np.linspace(low, high, points)
     forward, reverse = (correction.settled(angle, correction.condition(sense, torque)) for sense in (1.0, -1.0))
-    return CommandTable(correction.ratio, angle, forward, reverse, correction.reach is None)
+    return CommandTable(correction.ratio, angle, forward, reverse)
 
 
 def load_compensation(path: PathLike, ratio: Reducer | Drive | Model | float) -> Correction | CommandTable:
@@ -243,18 +245,14 @@ def load_compensation(path: PathLike, ratio: Reducer | Drive | Model | float) ->
     >>> bool(abs(added[0] + 2e-5) < 1e-6)
     True
     """
-    text, name = read_text(path), str(path)
-    if text.lstrip().startswith("{"):
-        found: Correction | CommandTable = _from_json(name, text)
-    elif text.lstrip().startswith("#"):
-        found = _from_csv(name, text)
-    else:  # of LinuxCNC: where the joint arrives
-        angle, forward, reverse = _triplets(name, text, None)
-        found = _table(ratio_of(ratio), angle, angle - forward, angle - reverse)
-    if not math.isclose(found.ratio, ratio_of(ratio), rel_tol=1e-6):
+    text, wanted = read_text(path), ratio_of(ratio)
+    try:
+        found = _read(text.lstrip(), wanted)
+    except (LookupError, TypeError, ValueError) as problem:
+        raise InputError(f"{path}: no compensation table ({problem}); give one of `rverror compensate`") from problem
+    if not math.isclose(found.ratio, wanted, rel_tol=1e-6):
         raise InputError(
-            f"{name}: made for a ratio of {brief(found.ratio)}, the model's is {brief(ratio_of(ratio))}; make a table "
-            "for it"
+            f"{path}: made for a ratio of {brief(found.ratio)}, the model's is {brief(wanted)}; make a table for it"
         )
     return found
 
@@ -268,9 +266,8 @@ def _points(correction: Correction, format: str, conditions: list[TableCondition
         return 0, 0.0
     low, high = correction.reach or (0.0, _TURN)
     turns = (high - low) / _TURN
-    if format == "linuxcnc":
-        points = LINUXCNC_POINTS
-    else:
+    points = LINUXCNC_POINTS
+    if format == "csv":
         points = math.ceil(turns * max(correction.points(c, allowed) for c in conditions)) + 1
     return points, max(correction.between(round((points - 1) / turns), c) for c in conditions)
 
@@ -326,20 +323,29 @@ def correction_json(correction: Correction, index: str = "") -> dict[str, Any]:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def _from_json(path: str, text: str) -> Correction:
-    try:
-        data = json.loads(text)
-        if data["kind"] != _KIND:
-            raise ValueError(f"kind is {data['kind']!r}")
-        cases = tuple(_case(entry) for entry in data["conditions"])
-        reach = data["reach_deg"]
-        return Correction(
-            float(data["ratio"]),
-            OrderTable(path=path, cases=cases, index=data["index"]),
-            None if reach is None else (math.radians(reach[0]), math.radians(reach[1])),
-        )
-    except (ValueError, KeyError, TypeError, IndexError) as problem:
-        raise InputError(f"{path}: no compensation table ({problem}); give one of `rverror compensate`") from problem
+def _read(text: str, ratio: float) -> Correction | CommandTable:
+    """Table of a text; a LinuxCNC table has the ratio that is given, and says where the joint arrives."""
+    if text.startswith("{"):
+        return _from_json(json.loads(text))
+    if text.startswith("#"):
+        return _from_csv(split_lines(text))
+    angle, forward, reverse = _triplets(split_lines(text), None)
+    return CommandTable(ratio, angle, angle - forward, angle - reverse)
+
+
+def _from_json(data: Mapping[str, Any]) -> Correction:
+    _check_kind(data["kind"])
+    low, high = data["reach_deg"] or (None, None)
+    return Correction(
+        float(data["ratio"]),
+        OrderTable(cases=tuple(map(_case, data["conditions"])), index=data["index"]),
+        None if low is None or high is None else (math.radians(low), math.radians(high)),
+    )
+
+
+def _check_kind(kind: str) -> None:
+    if kind != _KIND:
+        raise ValueError(f"it is of kind {shown(kind)}")
 
 
 def _case(entry: Mapping[str, Any]) -> OrderCase:
@@ -357,40 +363,24 @@ def _case(entry: Mapping[str, Any]) -> OrderCase:
     )
 
 
-def _from_csv(path: str, text: str) -> CommandTable:
-    lines = split_lines(text)
+def _from_csv(lines: list[str]) -> CommandTable:
     stated = (line[1:].partition(":") for line in lines if line.startswith("#"))
     head = {key.strip(): value.strip() for key, _, value in stated}
-    columns, _, body = "\n".join(line for line in lines if not line.startswith("#")).partition("\n")
-    try:
-        ratio = float(head["ratio"])
-        if head["kind"] != _KIND or columns != _COLUMNS:
-            raise ValueError(f"it is of {head['kind']}")
-    except (KeyError, ValueError) as problem:
-        raise InputError(
-            f"{path}: no compensation table ({problem}); its header has its kind and ratio, and then {_COLUMNS}"
-        ) from problem
-    angle, forward, reverse = _triplets(path, body, ",")
-    return _table(ratio, angle, forward / ratio, reverse / ratio)
+    _check_kind(head["kind"])
+    body = [line for line in lines if not line.startswith("#")]
+    if body[0] != _COLUMNS:
+        raise ValueError(f"its columns are not {_COLUMNS}")
+    ratio = float(head["ratio"])
+    angle, forward, reverse = _triplets(body[1:], ",")
+    return CommandTable(ratio, angle, forward / ratio, reverse / ratio)
 
 
-def _triplets(path: str, text: str, delimiter: str | None) -> Array:
+def _triplets(lines: list[str], delimiter: str | None) -> Array:
     """Angle, forward and reverse of rows in degrees, rad."""
-    try:
-        rows = np.loadtxt(split_lines(text), delimiter=delimiter, ndmin=2) if text.strip() else np.empty((0, 3))
-    except ValueError as problem:
-        raise InputError(f"{path}: no compensation table ({problem}); write the table again") from problem
+    rows = np.array([line.split(delimiter) for line in lines if line.strip()], dtype=np.float64)
     if len(rows) < 2 or rows.shape[1] != 3 or not np.isfinite(rows).all() or np.any(np.diff(rows[:, 0]) <= 0):
-        raise InputError(
-            f"{path}: no compensation table; two or more rows of angle, forward, reverse are needed, all finite, with "
-            "growing angles"
-        )
+        raise ValueError("it takes two or more rows of angle, forward, reverse, all finite, with growing angles")
     return np.radians(rows).T
-
-
-def _table(ratio: float, angle: Array, forward: Array, reverse: Array) -> CommandTable:
-    periodic = math.isclose(angle[-1] - angle[0], _TURN, abs_tol=1e-6)
-    return CommandTable(ratio, angle, forward, reverse, periodic)
 
 
 def table_told(table: WrittenTable) -> list[str]:

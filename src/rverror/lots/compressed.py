@@ -27,7 +27,7 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, check_name
 from rverror.base.version import __version__
 from rverror.lots.amplitudes import Amplitudes, Condition, UnitAmplitudes, joined_units, some, split_unit
-from rverror.lots.folder import LotFolder, UnitFiles, list_units
+from rverror.lots.folder import LotPart, UnitFiles, list_units
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.measurement import ratio_of
@@ -44,67 +44,6 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class LotFile:
-    """A file of units that are split into orders; of these the serials alone are read.
-
-    Attributes
-    ----------
-    path : str
-    ratio : float
-        Of the model with which it was made.
-    notes : tuple of str
-        What was noticed then.
-    serials : tuple of str
-        In the order in which the units were made.
-    """
-
-    path: str
-    ratio: float
-    notes: tuple[str, ...]
-    serials: tuple[str, ...]
-
-    @classmethod
-    def of(cls, path: PathLike) -> LotFile:
-        """Read head and serials.
-
-        Raises
-        ------
-        InputError
-            If it is no such file, of another version, or damaged.
-        """
-        with _readable(path) as file:
-            first = file.readline()
-            if not first.startswith(_line(_HEAD)[:-2]):
-                raise InputError(
-                    f"{path}: no compressed lot that this rverror reads; give a folder of units, or a file that "
-                    "'rverror lot --compress' wrote"
-                )
-            head = json.loads(first)
-            serials = tuple(str(json.loads(line)["serial"]) for line in file)
-            if len(serials) != head["units"]:
-                raise ValueError(f"{len(serials)} units for {head['units']}")
-            return cls(os.fspath(path), float(head["ratio"]), tuple(map(str, head["notes"])), serials)
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        """The file."""
-        return (self.path,)
-
-    def units(self) -> Iterator[UnitAmplitudes]:
-        """Units in their order, one in memory at a time.
-
-        Raises
-        ------
-        InputError
-            If the file is damaged.
-        """
-        with _readable(self.path) as file:
-            file.readline()  # the head
-            for line in file:
-                yield _unit_of(json.loads(line))
-
-
-@dataclass(frozen=True)
 class LotInputs:
     """Parts of a lot: folders of units, and files of units that are split into orders.
 
@@ -113,12 +52,12 @@ class LotInputs:
     model : Model
     mapping : BenchMapping or None
         By which runs are read.
-    parts : tuple of LotFolder or LotFile
+    parts : tuple of LotPart
     """
 
     model: Model
     mapping: BenchMapping | None
-    parts: tuple[LotFolder | LotFile, ...]
+    parts: tuple[LotPart, ...]
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -133,7 +72,7 @@ class LotInputs:
     @property
     def unread(self) -> tuple[UnitFiles, ...]:
         """Units whose runs are still to be read."""
-        return tuple(unit for part in self.parts if isinstance(part, LotFolder) for unit in part.units)
+        return tuple(unit for part in self.parts for unit in part.units)
 
     def amplitudes(self, *, executor: Executor | None = None, progress: Tell | None = None) -> Amplitudes:
         """Units of all parts as one lot, ready for `lot`: of a unit only amplitudes of orders are kept.
@@ -157,12 +96,11 @@ class LotInputs:
         tell, found = progress or (lambda text: None), list[UnitAmplitudes]()
         total = sum(len(part.serials) for part in self.parts)
         for part in self.parts:
-            if isinstance(part, LotFile):
-                found += part.units()
-            else:
-                for some_units in _split(self, part.units, executor):
-                    found += some_units
-                    tell(f"{len(found)} of {total} units read")
+            if not part.units:
+                found += _units_in(part.path)
+            for some_units in _split(self, part.units, executor):
+                found += some_units
+                tell(f"{len(found)} of {total} units read")
         lot = joined_units(found)
         return replace(lot, notes=(*self.notes, *lot.notes))
 
@@ -280,15 +218,10 @@ def lot_inputs(
     if not given:
         raise InputError("paths: there is none; give a folder of units, or a file of a compressed lot")
     mapping = given_mapping(mapping)
-    parts, owner = list[LotFolder | LotFile](), dict[str, str]()
+    parts, owner = list[LotPart](), dict[str, str]()
     for path in given:
         check_name(path)
-        part = LotFile.of(path) if os.path.isfile(path) else list_units(path, mapping)
-        if isinstance(part, LotFile) and part.ratio != ratio_of(model):
-            raise InputError(
-                f"{path}: it was made with another model, of ratio {part.ratio:.10g} for {ratio_of(model):.10g}; "
-                f"{_AGAIN} with this model, or give the model of then"
-            )
+        part = _part_of(path, model) if os.path.isfile(path) else list_units(path, mapping)
         if twice := [serial for serial in part.serials if serial in owner]:
             raise InputError(
                 f"{part.path}: {count_of(len(twice), 'serial')} ({some(twice)}) that {owner[twice[0]]} has too; give "
@@ -378,15 +311,43 @@ def _left(file: IO[bytes], head: Mapping[str, Any], stamps: Mapping[str, str]) -
 def _gathered(inputs: LotInputs, begun: IO[bytes], place: Mapping[str, int]) -> Iterator[dict[str, Any]]:
     """All units in their order as a file has them, with the labels that they have now."""
     for part in inputs.parts:
-        if isinstance(part, LotFile):
-            yield from map(_told, part.units())
-        else:
-            for unit in part.units:
-                begun.seek(place[unit.serial])
-                yield {**json.loads(begun.readline())[1], "labels": dict(unit.labels)}
+        if not part.units:
+            yield from map(_told, _units_in(part.path))
+        for unit in part.units:
+            begun.seek(place[unit.serial])
+            yield {**json.loads(begun.readline())[1], "labels": dict(unit.labels)}
 
 
 # --- the file ---------------------------------------------------------------------------------------------------------
+
+
+def _part_of(path: PathLike, model: Model) -> LotPart:
+    """A file as a part of a lot: of its units the serials alone are read."""
+    with _readable(path) as file:
+        first = file.readline()
+        if not first.startswith(_line(_HEAD)[:-2]):
+            raise InputError(
+                f"{path}: no compressed lot that this rverror reads; give a folder of units, or a file that "
+                "'rverror lot --compress' wrote"
+            )
+        head = json.loads(first)
+        if float(head["ratio"]) != ratio_of(model):
+            raise InputError(
+                f"{path}: it was made with another model, of ratio {head['ratio']:.10g} for {ratio_of(model):.10g}; "
+                f"{_AGAIN} with this model, or give the model of then"
+            )
+        serials = tuple(str(json.loads(line)["serial"]) for line in file)
+        if len(serials) != head["units"]:
+            raise ValueError(f"{len(serials)} units for {head['units']}")
+        return LotPart(os.fspath(path), (os.fspath(path),), serials, tuple(map(str, head["notes"])))
+
+
+def _units_in(path: str) -> Iterator[UnitAmplitudes]:
+    """Units of a file in their order, one in memory at a time."""
+    with _readable(path) as file:
+        file.readline()  # the head
+        for line in file:
+            yield _unit_of(json.loads(line))
 
 
 def _line(content: object) -> bytes:

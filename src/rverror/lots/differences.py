@@ -99,18 +99,10 @@ def candidates_of(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]
         Of what shows; each parameter by itself, and then all of them.
     """
     found, first = list[ShiftSource](), 0
-    for at, process in enumerate(parts.processes):
-        effects = range(first, first + len(process.instances))
-        first = effects.stop
+    for process in parts.processes:
         for some in _alike(process.instances):
-            chosen = [effects[number] for number in some]
-            common = _common([process.instances[number] for number in some])
-            names = [p.name for p in process.parameters]
-            columns = sum(influence[:, parts.effect == effect] for effect in chosen)
-            found += directions(
-                ShiftSource(process.key, common, tuple(names), process.parameters[0].dimension, np.asarray(columns)),
-                parts.processes[at].plausible,
-            )
+            found += _sources(influence, parts, [first + number for number in some])
+        first += len(process.instances)
     return tuple(found)
 
 
@@ -126,27 +118,21 @@ def single_parts(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
     -------
     tuple of ShiftSource
     """
-    found = list[ShiftSource]()
-    for number, effect in enumerate(parts.effects):
-        own = np.flatnonzero(parts.effect == number)
-        some = [parts.parameters[i] for i in own]
-        whole = ShiftSource(
-            effect.key, effect.indices, tuple(p.name for p in some), some[0].dimension, influence[:, own]
-        )  # fmt: skip
-        found += directions(whole, float(parts.plausible[own[0]]))
-    return tuple(found)
+    return tuple(one for number in range(len(parts.effects)) for one in _sources(influence, parts, [number]))
 
 
-def directions(whole: ShiftSource, plausible: float) -> list[ShiftSource]:
-    """Each parameter of a candidate by itself, then all of them; those that show where a workshop's spread does."""
-    shown = np.flatnonzero(np.linalg.norm(whole.columns, axis=0) * plausible > _SILENT)
-    kept = [*([k] for k in shown), *([list(shown)] if len(shown) > 1 else [])]
-    return [
-        ShiftSource(
-            whole.key, whole.indices, tuple(whole.parameters[k] for k in some), whole.dimension, whole.columns[:, some]
-        )
-        for some in kept
-    ]
+def _sources(influence: Array, parts: UnitParts, effects: Sequence[int]) -> list[ShiftSource]:
+    """Effects of one process that move alike, by each parameter and by all, where a workshop's spread shows."""
+    places = np.array([np.flatnonzero(parts.effect == number) for number in effects])
+    parameters = [parts.parameters[place] for place in places[0]]
+    columns = influence[:, places].sum(axis=1)
+    shown = np.flatnonzero(np.linalg.norm(columns, axis=0) * parts.plausible[places[0, 0]] > _SILENT).tolist()
+    found = []
+    for some in (*([k] for k in shown), *([shown] if len(shown) > 1 else [])):
+        names = tuple(parameters[k].name for k in some)
+        key, common = parts.effects[effects[0]].key, _common([parts.effects[number].indices for number in effects])
+        found.append(ShiftSource(key, common, names, parameters[0].dimension, columns[:, some]))
+    return found
 
 
 def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...]]:

@@ -96,35 +96,30 @@ class UnitFiles:
 
 
 @dataclass(frozen=True)
-class LotFolder:
-    """Units of a folder in their order, and what was noticed; no run is read yet.
+class LotPart:
+    """A part of a lot: a folder of units whose runs are not read yet, or a file of units that are split into orders.
 
     Attributes
     ----------
     path : str
-    units : tuple of UnitFiles
-    table : str
-        Table of the labels; empty where there is none.
+    files : tuple of str
+        All that is read: the file; or the table of labels and the runs.
+    serials : tuple of str
+        In the order in which the units were made.
     notes : tuple of str
+        What was noticed.
+    units : tuple of UnitFiles
+        Of a folder.
     """
 
     path: str
-    units: tuple[UnitFiles, ...]
-    table: str
+    files: tuple[str, ...]
+    serials: tuple[str, ...]
     notes: tuple[str, ...]
-
-    @property
-    def serials(self) -> tuple[str, ...]:
-        """Of the units, in their order."""
-        return tuple(unit.serial for unit in self.units)
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        """The table and all runs."""
-        return (*filter(None, [self.table]), *(path for unit in self.units for path in unit.runs))
+    units: tuple[UnitFiles, ...] = ()
 
 
-def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotFolder:
+def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotPart:
     """Units of a folder as `lot_units` has them, their runs not read.
 
     Raises
@@ -143,8 +138,10 @@ def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotFold
         _note("left out", [serial for serial in labels if serial not in found], f"in {table} without a folder of runs"),
         _note("without labels", others if labels else (), f"not in {table}; they stand last"),
     )
-    units = tuple(UnitFiles(serial, found[serial], labels.get(serial, {})) for serial in (*order, *others))
-    return LotFolder(str(root), units, str(table) if table.is_file() else "", tuple(note for note in notes if note))
+    serials = (*order, *others)
+    units = tuple(UnitFiles(serial, found[serial], labels.get(serial, {})) for serial in serials)
+    files = (*([str(table)] if table.is_file() else []), *(path for unit in units for path in unit.runs))
+    return LotPart(str(root), files, serials, tuple(filter(None, notes)), units)
 
 
 def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, ...]]:

@@ -15,7 +15,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import describe
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given, variance_of
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
@@ -113,7 +113,7 @@ def lot(
     """
     reducer_of(model.mechanism, "a lot")
     tell = progress or (lambda text: None)
-    amplitudes = amplitudes_given(model, units)
+    amplitudes = amplitudes_of(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
     simulator = question.simulator
