@@ -185,17 +185,16 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     places = np.flatnonzero(before.members)
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
-    left, steady_units = values.copy(), np.ones(len(values), np.bool_)
+    left, alike = values.copy(), np.ones(len(values), np.bool_)
 
     groups = group_differences(_centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed)
     for group in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
         left[inside] -= _effect(candidates, group.causes)
-        steady_units &= ~inside
+        alike &= ~inside
 
     changes = changes_over_serial(_centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed)
-    ends = [*places, len(values)]  # where a part of the members ends among all units
-    ends[0] = 0
+    ends = [0, *places[1:], len(values)]  # of parts of the members among all units
     for number, change in enumerate(changes):
         first, end = places[serials.index(change.since)], ends[steady(changes[:number], serials).stop]
         left -= np.outer(course(change.course, first, end, len(values)), _effect(candidates, (change.cause,)))
@@ -205,7 +204,7 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
 
     odd = _outsiders(simulator, left, unchanged, estimate, seed)
     members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
-    alike = members & steady_units & unchanged
+    alike &= members & unchanged
     enough = alike.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
     return _Cleaned(left, members, alike if enough else members, odd, groups, changes)
 

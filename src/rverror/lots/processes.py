@@ -18,7 +18,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import describe
 from rverror.geartrain.mechanism import Reducer
-from rverror.geartrain.source import IndexValue, Known, Parameter, Source
+from rverror.geartrain.source import IndexValue, Known, Parameter, Source, rv
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.tolerances.declared import Tolerance
@@ -150,8 +150,7 @@ def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | Non
     InputError
         If two tolerances are about the same parts.
     """
-    unit = model.mechanism
-    assert isinstance(unit, Reducer)
+    unit = rv(model.mechanism)
     if tolerances is not None:
         found = [p for one in tolerances for p in _by_harmonic(one.key, one.instances(unit), one.chosen, one)]
         _check_once(found)
