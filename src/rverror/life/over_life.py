@@ -108,7 +108,7 @@ def searched(
     state = unit_state(model, history)
     for number in range(_ROUNDS):
         tell("causes that change")
-        search = GrowthSearch.of(state)
+        search = GrowthSearch(state)
         found = search.found()
         if not found.terms or number == _ROUNDS - 1:
             break

@@ -16,7 +16,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import IO, Any
 
@@ -165,7 +165,7 @@ class LotInputs:
         except OSError as error:
             raise InputError(f"{out}: cannot write it ({error.strerror}); choose another place") from error
         os.unlink(begun)
-        return Compression(total, len(todo), self.notes)
+        return Compression(total, len(todo))
 
 
 @dataclass(frozen=True)
@@ -178,13 +178,10 @@ class Compression:
         In the file.
     read : int
         Of these, units whose runs were read now, not taken from a file or from what a stopped call has left.
-    notes : tuple of str
-        What was noticed as the parts were listed.
     """
 
     units: int
     read: int
-    notes: tuple[str, ...]
 
 
 def lot_inputs(
@@ -296,13 +293,14 @@ def _left(file: IO[bytes], head: Mapping[str, Any], stamps: Mapping[str, str]) -
     if file.readline() != _line(head):
         file.truncate(0)
         file.write(_line(head))
-    for line in file:
-        if not line.endswith(b"\n"):
-            break
-        stamp, unit = json.loads(line)
-        if stamps.get(unit["serial"]) == stamp:
-            place[unit["serial"]] = end
-        end += len(line)
+    with suppress(ValueError):  # what a call was writing as it was stopped
+        for line in file:
+            if not line.endswith(b"\n"):
+                break
+            stamp, unit = json.loads(line)
+            if stamps.get(unit["serial"]) == stamp:
+                place[unit["serial"]] = end
+            end += len(line)
     file.truncate(end)
     file.seek(end)
     return place
