@@ -18,16 +18,15 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, split_unit
+from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, noise_about, split_unit
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
 #: Header keys that say when a run was measured, with an example; the first that all runs have counts.
 CLOCKS = {"hours": "120", "cycles": "2e5", "date": "2026-03-01"}
-_NEAR, _SHARE = 16, 1.6  # orders to either side at least, and a factor, within which noise is alike
+_NEAR = 16  # orders to either side, at least, whose noise is alike
 # steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
 _POOLED = 150
-_QUARTER = 0.25  # of the powers about an order: what few orders and few sessions have, does not reach it
 _MEDIAN = 0.4549  # of a chi-square of one degree of freedom
 #: Sessions of which fewer do not tell how well a zero or a mounting repeats.
 FEW = 5
@@ -277,14 +276,8 @@ def _noise(off: Array, conditions: int) -> Array:
     About an order the lower quartile of the powers, over sessions and orders, over what it is of noise: what one
     session or a few orders add does not reach it.
     """
-    parts = off.reshape(len(off), conditions, 2, -1)
-    power = (parts**2).mean(axis=2)  # of noise: its variance times an exponential of mean 1
-    count = power.shape[-1]
-    wide = max(_NEAR, -(-_POOLED // (2 * len(power))))
-    order, found = np.arange(count), np.empty((conditions, count))
-    for k in range(count):
-        near = (order >= min(k / _SHARE, k - wide)) & (order <= max(k * _SHARE, k + wide)) & (order > 0)
-        found[:, k] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / -math.log1p(-_QUARTER)
+    power = (off.reshape(len(off), conditions, 2, -1) ** 2).mean(axis=2)  # its variance times an exponential of mean 1
+    found = noise_about(power, np.arange(power.shape[2]), 2, max(_NEAR, -(-_POOLED // (2 * len(power)))))
     found[:, 0] *= 2  # order 0 is the offset times the root of two
     return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
 

@@ -389,14 +389,36 @@ def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
 
     Parts make few of the orders of a range; over all units a noise of the bench makes them alike.
     """
-    power = variance_of(values, marked=marked).reshape(conditions, 2, -1).mean(axis=1)
-    freedom = 2 * (len(values) - marked)
-    below = chi_square(1 - _QUARTER, freedom) / freedom
-    order, found = np.arange(1, power.shape[1] + 1), np.empty_like(power)
-    for at, k in enumerate(order):
-        near = (order >= min(k / _WIDE, k - _LEAST_WIDE)) & (order <= max(k * _WIDE, k + _LEAST_WIDE))
-        found[:, at] = np.quantile(power[:, near], _QUARTER, axis=1) / below
-    return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
+    power = variance_of(values, marked=marked).reshape(1, conditions, 2, -1).mean(axis=2)
+    orders = np.arange(1, power.shape[2] + 1)
+    return np.tile(noise_about(power, orders, 2 * (len(values) - marked))[:, None], (1, 2, 1)).reshape(-1)
+
+
+def noise_about(power: Array, orders: npt.NDArray[np.intp], freedom: int, wide: int = _LEAST_WIDE) -> Array:
+    """What noise alone makes about each order: the lower quartile of powers there, over that of a chi-square.
+
+    Few strong orders and few series do not reach it.
+
+    Parameters
+    ----------
+    power : ndarray, shape (series, conditions, k)
+        Mean squares.
+    orders : ndarray of int, shape (k,)
+        Order 0 is left out.
+    freedom : int
+        Of each mean square.
+    wide : int
+        Orders to either side at least; above, those from 1 / 1.6 to 1.6 times the order.
+
+    Returns
+    -------
+    ndarray, shape (conditions, k)
+    """
+    below, found = chi_square(1 - _QUARTER, freedom) / freedom, np.empty(power.shape[1:])
+    for at, k in enumerate(orders):
+        near = (orders >= min(k / _WIDE, k - wide)) & (orders <= max(k * _WIDE, k + wide)) & (orders > 0)
+        found[:, at] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / below
+    return found
 
 
 def _common(read: Sequence[UnitAmplitudes]) -> tuple[Condition, ...]:

@@ -170,7 +170,7 @@ class MomentMatching:
         for number in range(0 if again else _ROUNDS[0]):
             draws = self.simulator.draws(state, self.standard[::_ROUGH])
             # of a covariance that is too large where contacts open: nothing runs away by it
-            weights = self._weights(draws, np.linalg.inv(draws.covariance(state.deviation)))
+            weights = self._weights(draws, np.asarray(np.linalg.inv(draws.covariance(state.deviation))))
             distance = self._distance(draws, state, weights)
             self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
             state = self._stepped(state, distance, weights, 0.3)
