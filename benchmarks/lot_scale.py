@@ -33,7 +33,7 @@ import rverror  # noqa: E402
 from rverror.app.batch import processes  # noqa: E402
 from rverror.base.units import ARCSEC  # noqa: E402
 from rverror.lots.amplitudes import HIGHEST, Amplitudes, Condition  # noqa: E402
-from rverror.lots.compressed import compress_lot, load_amplitudes  # noqa: E402
+from rverror.lots.compressed import lot_inputs  # noqa: E402
 from rverror.lots.made import lot  # noqa: E402
 from rverror.lots.processes import UnitParts, processes_of  # noqa: E402
 from rverror.lots.simulated import Simulator  # noqa: E402
@@ -87,11 +87,11 @@ def step(words: list[str]) -> None:
     elif words[0] == "compress":
         if int(words[3]) > 1:
             with processes(int(words[3])) as executor:
-                done = compress_lot(words[1], MODEL, out=words[2], executor=executor).units
+                done = lot_inputs(words[1], MODEL).compressed(words[2], executor=executor).units
         else:
-            done = compress_lot(words[1], MODEL, out=words[2]).units
+            done = lot_inputs(words[1], MODEL).compressed(words[2]).units
     elif words[0] == "read":
-        done = len(load_amplitudes(words[1:], MODEL).values)
+        done = len(lot_inputs(words[1:], MODEL).amplitudes().values)
     else:
         done = 0
     seconds, processor = perf_counter() - start, process_time() - worked
@@ -114,13 +114,7 @@ def measured(*words: object, idle: float = 0.0) -> dict[str, float]:
 
 def with_other_serials(path: Path, out: Path, number: int) -> Path:
     """Copy of a file whose serials begin with a number."""
-    with np.load(path) as file:
-        arrays = dict(file)
-    for name in arrays:
-        if name.startswith("units-"):
-            text = arrays[name].tobytes().decode().replace('"serial": "', f'"serial": "{number}-')
-            arrays[name] = np.frombuffer(text.encode(), np.uint8)
-    np.savez(out, **arrays)
+    out.write_text(path.read_text().replace('"serial": "', f'"serial": "{number}-'))
     return out
 
 
@@ -141,11 +135,11 @@ def main() -> None:
         write_units(root / "lot", 0, options.units)
         idle = measured("idle")["here"]
         print(f"idle: {idle:.0f} MB")
-        measured("compress", root / "half", root / "half.npz", 1, idle=idle)
-        measured("compress", root / "lot", root / "one.npz", 1, idle=idle)
-        measured("compress", root / "lot", root / "two.npz", 2, idle=idle)
-        print(f"file: {(root / 'two.npz').stat().st_size / options.units / 1e3:.2f} kB a unit")
-        parts = [with_other_serials(root / "one.npz", root / f"part-{n}.npz", n) for n in range(options.parts)]
+        measured("compress", root / "half", root / "half.jsonl", 1, idle=idle)
+        measured("compress", root / "lot", root / "one.jsonl", 1, idle=idle)
+        measured("compress", root / "lot", root / "two.jsonl", 2, idle=idle)
+        print(f"file: {(root / 'two.jsonl').stat().st_size / options.units / 1e3:.2f} kB a unit")
+        parts = [with_other_serials(root / "one.jsonl", root / f"part-{n}.jsonl", n) for n in range(options.parts)]
         measured("read", *parts, idle=idle)
     few, many = (measured("lot", count, idle=idle)["processor"] for count in (100, options.units * options.parts))
     print(f"processor's time of the larger lot over that of the other: {many / few:.2f}")

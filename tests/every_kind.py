@@ -307,8 +307,6 @@ def lot() -> Lot:
             HOSTILE,
             1.25,
             1.125,
-            least_difference=3e-3,
-            least_error=17e-3,
         ),
         MadeBy("crank.index", {}, ("angle",), "angle", size(4.0, ARCSEC), True, 0.2, (), 50),
         MadeBy("involute.planet_pitch", {"harmonic": 2}, two_waves, "length", size(1.0, 1e-3), True, 0.05),

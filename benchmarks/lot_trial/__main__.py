@@ -51,7 +51,6 @@ def judged(seed: int, kind: str, folder: Path, units: int | None, *, unmarked: b
             "sd": one["sd"],
             "interval": one["sd_interval"],
             "above": one["above_zero"],
-            "least": [one["least_difference"], one["least_error"]],
         }
         for name, one in processes(told).items()
         if one["sd"] is not None

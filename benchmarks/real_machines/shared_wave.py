@@ -20,8 +20,8 @@ def main() -> None:
     options.add_argument("others", metavar="OTHERS", help="folder of other units, three or more")
     given = options.parse_args()
     model = rverror.load_model(given.model)
-    found = rverror.lots.lot_of_drives(model, rverror.lots.load_amplitudes(given.lot, model))
-    others = rverror.lots.load_amplitudes(given.others, model)
+    found = rverror.lots.lot_of_drives(model, rverror.lots.lot_inputs(given.lot, model).amplitudes())
+    others = rverror.lots.lot_inputs(given.others, model).amplitudes()
     parts = others.values.reshape(len(others.serials), len(others.conditions), 2, -1) * np.sqrt(2)
     waves = parts[:, :, 0] - 1j * parts[:, :, 1]
     conditions = [str(one) for one in others.conditions]

@@ -83,23 +83,23 @@ def test_runs_are_compressed_and_told_of_later(
 ) -> None:
     """Of a part of the lot, beside a folder with the rest of it."""
     Path("lot/units.csv").write_text("serial\nu10\nu1\ngone\n", encoding="utf-8")
-    compress = ["lot", "lot", "--model", "model.toml", "--compress", "march.npz"]
-    for replacing in ("", "rverror: replacing march.npz\n"):
+    compress = ["lot", "lot", "--model", "model.toml", "--compress", "march.jsonl"]
+    for replacing in ("", "rverror: replacing march.jsonl\n"):
         assert main(compress) == 0
         told = capsys.readouterr()
-        assert told.out == "march.npz: 3 units, the runs of 3 read now\n"
+        assert told.out == "march.jsonl: 3 units, the runs of 3 read now\n"
         assert told.err.startswith(f"{replacing}rverror: left out: 1 unit in ")
     assert asked == {}
     Path("lot").rename("april")
     for serial in ("u1", "u2", "u10"):
         Path("april", serial).rename(Path("april", f"{serial}b"))
-    assert main(["lot", "march.npz", "april", "--model", "model.toml", "--json", "lot.json"]) == 0
+    assert main(["lot", "march.jsonl", "april", "--model", "model.toml", "--json", "lot.json"]) == 0
     assert asked["units"].serials == ("u10", "u1", "u2", "u1b", "u2b", "u10b")
     assert "left out: 1 unit in " in capsys.readouterr().out
     names = [Path(one["path"]).as_posix() for one in json.loads(Path("lot.json").read_text("utf-8"))["inputs"]]
-    assert names[:4] == ["model.toml", "march.npz", "april/units.csv", "april/u1b/forward.csv"]
-    assert main(["lot", "march.npz", "--model", "model.toml", "--compress", "march.npz"]) == 2
-    assert "march.npz: this output is also an input" in capsys.readouterr().err
+    assert names[:4] == ["model.toml", "march.jsonl", "april/units.csv", "april/u1b/forward.csv"]
+    assert main(["lot", "march.jsonl", "--model", "model.toml", "--compress", "march.jsonl"]) == 2
+    assert "march.jsonl: this output is also an input" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -116,12 +116,12 @@ def test_runs_are_compressed_and_told_of_later(
         (["lot", "--tolerances", "none.toml"], "none.toml: there is no such file"),
         (["lot", "--save", "none/made.toml"], "there is no folder"),
         (["lot", "--jobs", "0"], "--jobs: 0 processes cannot work; give 1 or more"),
-        (["lot", "--compress", "a.npz", "--csv", "a.csv"], "--compress: it tells of no process"),
-        (["lot", "--compress", "lot/u1/a.npz"], "it would lie in the folder of unit u1"),
+        (["lot", "--compress", "a.jsonl", "--csv", "a.csv"], "--compress: it tells of no process"),
+        (["lot", "--compress", "lot/u1/a.jsonl"], "it would lie in the folder of unit u1"),
         (["lot", "--compress", "model.toml"], "model.toml: this output is also an input"),
         (["lot", "lot"], "lot: 3 serials (u1, u2, u10) that lot has too"),
-        (["none.npz"], "none.npz: cannot read the file (No such file or directory)"),
-        (["model.toml"], "model.toml: this is no .npz file"),
+        (["none.jsonl"], "none.jsonl: cannot read the folder (No such file or directory)"),
+        (["model.toml"], "model.toml: no compressed lot that this rverror reads"),
     ],
 )
 def test_what_is_refused_in_one_line(

@@ -70,10 +70,8 @@ def test_a_joint_with_the_table_in_its_command_path_has_less_error(form: str, ra
 def test_points_are_solved_for_where_the_input_then_stands(tmp_path: Path) -> None:
     """So large a wave that to first order 35 arcsec of it stay: a table by points leaves what is between them."""
     made = correction_of({40.0: -600.0})
-    assert made.of_itself(FORWARD) / ARCSEC > 30
     written = rverror.compensation.save_compensation(tmp_path / "t.csv", compensation_of(made))
     table = rverror.compensation.load_compensation(tmp_path / "t.csv", 49.0)
-    assert written.of_itself == 0
     theta = np.linspace(0, 2 * np.pi, 4001)
     moved = theta + table.at(theta, FORWARD)
     left = moved + 600 * ARCSEC * np.cos(40 * moved) - theta
@@ -188,12 +186,6 @@ def test_a_zero_that_slips_leaves_twice_the_sine_of_half_the_phase(order: float)
     assert made.slipped(slip, FORWARD) / ARCSEC == pytest.approx(10 / math.sqrt(2) * 2 * math.sin(order * slip / 2))
 
 
-def test_waves_summed_at_the_command_leave_half_the_slope_times_the_size() -> None:
-    """c'(theta) c(theta) of one wave is k A^2 / 2 at twice its order."""
-    made = correction_of({40.0: 200.0})
-    assert made.of_itself(FORWARD) == pytest.approx(40 * (200 * ARCSEC) ** 2 / 2, rel=0.05)
-
-
 def test_a_models_effects_hold_the_correction_and_give_it_back(tmp_path: Path) -> None:
     made = correction_of({1.0: 3 - 4j, 73.857: 2j}, ratio=73.857)
     effects = made.effects()
@@ -224,11 +216,11 @@ def test_between_loads_straight_beyond_them_as_at_the_last() -> None:
 
 def test_a_form_holds_what_it_can() -> None:
     made = correction_of({1.0: 1.0, 40.5: 1.0, 63.0: 1.0, 64.0: 1.0, 240.0: 1.0})
-    assert held_by(made, "json")[1] == ()
-    assert held_by(made, "csv")[1] == (40.5,)
-    assert held_by(made, "linuxcnc")[1] == (40.5, 64.0, 240.0)
+    assert held_by(made, "json").tolist() == [1, 40.5, 63, 64, 240]
+    assert held_by(made, "csv").tolist() == [1, 63, 64, 240]
+    assert held_by(made, "linuxcnc").tolist() == [1, 63]
     part = correction_of({64.0: 1.0, 40.5: 1.0}, reach=(0.0, math.pi / 2))
-    assert held_by(part, "linuxcnc")[1] == ()
+    assert held_by(part, "linuxcnc").tolist() == [40.5, 64]
 
 
 def test_a_table_of_part_of_a_turn_ends_where_it_was_measured() -> None:
@@ -247,12 +239,13 @@ def write(path: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("nominal forward\n", "line 1: 'nominal forward' is no row of numbers"),
+        ("nominal forward\n", "no compensation table .could not convert string to float: 'nominal'"),
         ("0 0 0\n1 0\n", "no compensation table"),
         ("1 0 0\n0 0 0\n", "growing angles"),
         ("{}", "no compensation table"),
         ("# kind: orders\norder,amplitude\n1,2\n", "no compensation table"),
-        ("0 0 nan\n1 0 0\n", "a number is not finite"),
+        ("# kind: compensation\n# ratio: 49.0\noutput_angle[deg],forward[deg],reverse[deg]\n", "two or more rows"),
+        ("0 0 nan\n1 0 0\n", "all finite"),
     ],
 )
 def test_what_is_no_table_is_refused(text: str, words: str, tmp_path: Path) -> None:

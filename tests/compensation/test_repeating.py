@@ -84,12 +84,6 @@ def test_travel_passed_again_and_again_is_compensated_slow_things_too() -> None:
     assert made.after.rms < 0.4 * ARCSEC
 
 
-def test_a_line_between_orders_stays_and_is_told() -> None:
-    made = rverror.compensate(DRIVE, [run_of({17.63: 5.0, 20.0: 3.0}, 11, noise=0.3)])
-    assert [one.order for one in made.orders] == [20.0]
-    assert any("a line of order 17.6" in line and "no table over a turn holds it" in line for line in made.stays)
-
-
 def test_orders_onto_which_the_mesh_folds_are_left_out() -> None:
     """At 256 samples a turn the gear mesh of the small unit folds; a table made of that would err between samples."""
     mesh = 27 * 16.0

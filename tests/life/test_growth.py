@@ -58,7 +58,7 @@ class KnownUnit:
 
 
 def search(values: Array, answer: Callable[[Array], Array] = linear) -> GrowthSearch:
-    return GrowthSearch.of(cast(UnitState, KnownUnit(values, answer)))
+    return GrowthSearch(cast(UnitState, KnownUnit(values, answer)))
 
 
 def found_in(of: GrowthSearch) -> tuple[Changed, ...]:
@@ -139,7 +139,7 @@ def test_parts_that_do_the_same_are_rivals() -> None:
         influences = property(lambda self: np.stack([influence] * 3))  # type: ignore[assignment]
 
     values = (grown(twin[0], AT / 640, 4 * UM) @ influence.T) + noise(6)
-    of = GrowthSearch.of(cast(UnitState, Twins(values, lambda changes: changes @ influence.T)))
+    of = GrowthSearch(cast(UnitState, Twins(values, lambda changes: changes @ influence.T)))
     (found,) = told(of, of.found())
     named = {dict(found.indices)["disc"], *(dict(indices)["disc"] for _, indices in found.rivals)}
     assert named == {0, 1}
@@ -162,7 +162,7 @@ def test_what_is_alike_to_the_first_order_is_a_rival_whatever_it_does_at_the_loa
         return np.where(ends, np.clip(changes, -0.1 * UM, 0.1 * UM), changes) @ influence.T
 
     values = answer(grown(CAM, AT / 640, 8 * UM)) + noise(6)
-    of = GrowthSearch.of(cast(UnitState, Twins(values, answer)))
+    of = GrowthSearch(cast(UnitState, Twins(values, answer)))
     (found,) = told(of, of.found())
     assert found.key == "crank.eccentricity"
     assert ("involute.planet_eccentricity" in [key for key, _ in found.rivals]) == listed
@@ -208,9 +208,9 @@ def test_of_few_sessions_no_mounting_is_taken_for_a_cause() -> None:
         def history(self) -> Any:
             return SimpleNamespace(values=self.values_of_sessions[:4], at=AT[:4], whitening=np.eye(D))
 
-    of = GrowthSearch.of(cast(UnitState, Four(noise(1) + 20 * mounted)))
+    of = GrowthSearch(cast(UnitState, Four(noise(1) + 20 * mounted)))
     assert not of.found().terms
     # a cause that is not the bench's is found all the same
     jump = linear(grown(CAM, np.where(AT >= 100, 1.0, 0.0), 9 * UM))
-    (found,) = found_in(GrowthSearch.of(cast(UnitState, Four(noise(1) + 20 * mounted + jump))))
+    (found,) = found_in(GrowthSearch(cast(UnitState, Four(noise(1) + 20 * mounted + jump))))
     assert (found.key, found.course, found.since) == ("crank.eccentricity", "step", 100.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import tracemalloc
 from collections.abc import Callable, Sequence
@@ -19,11 +20,19 @@ from gear_runs import TURN, UNIT
 from rverror import InputError
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import Amplitudes, amplitudes_of
-from rverror.lots.compressed import TOGETHER, compress_lot, load_amplitudes
+from rverror.lots.compressed import TOGETHER, Compression, lot_inputs
 from rverror.lots.folder import lot_units
 from rverror.lots.made import lot
 
 MODEL = rverror.Model(UNIT)
+
+
+def load(paths: Any, model: rverror.Model = MODEL) -> Amplitudes:
+    return lot_inputs(paths, model).amplitudes()
+
+
+def compress(paths: Any, out: Path, mapping: Path | None = None, **more: Any) -> Compression:
+    return lot_inputs(paths, MODEL, mapping).compressed(out, **more)
 
 
 def put(
@@ -74,22 +83,22 @@ def test_parts_of_a_lot_make_the_lot(tmp_path: Path) -> None:
     expected = replace(whole, notes=(*(n for some in notes for n in some), *whole.notes))
     assert expected.labels == {"machine": ("M1", "M2", "", "", "")}
     assert len(expected.orders) == 23
-    check_same(load_amplitudes([tmp_path / "a", tmp_path / "b"], MODEL), expected)
+    check_same(load([tmp_path / "a", tmp_path / "b"]), expected)
     for name in "ab":
-        done = compress_lot(tmp_path / name, MODEL, out=tmp_path / f"{name}.npz")
+        done = compress(tmp_path / name, tmp_path / f"{name}.jsonl")
         assert (done.units, done.read) == (3, 3)
-    check_same(load_amplitudes([tmp_path / "a.npz", tmp_path / "b.npz"], MODEL), expected)
-    check_same(load_amplitudes([tmp_path / "a.npz", tmp_path / "b"], MODEL), expected)
-    compress_lot([tmp_path / "a.npz", tmp_path / "b"], MODEL, out=tmp_path / "all.npz")
-    check_same(load_amplitudes(tmp_path / "all.npz", MODEL), expected)
-    assert not list(tmp_path.glob("*.parts"))
+    check_same(load([tmp_path / "a.jsonl", tmp_path / "b.jsonl"]), expected)
+    check_same(load([tmp_path / "a.jsonl", tmp_path / "b"]), expected)
+    compress([tmp_path / "a.jsonl", tmp_path / "b"], tmp_path / "all.jsonl")
+    check_same(load(tmp_path / "all.jsonl"), expected)
+    assert not [*tmp_path.glob("*.begun"), *tmp_path.glob("*.tmp")]
 
 
 def test_marks_that_are_unknown_stay_so_in_a_file_and_of_some_units_make_it_so_for_all(tmp_path: Path) -> None:
     for name, index in (("a", "unknown"), ("b", "")):
         put(tmp_path / name, [name + letter for letter in "123"], index=index)
-        compress_lot(tmp_path / name, MODEL, out=tmp_path / f"{name}.npz")
-    known, turned, both = (load_amplitudes([tmp_path / f"{n}.npz" for n in names], MODEL) for names in ("b", "a", "ab"))
+        compress(tmp_path / name, tmp_path / f"{name}.jsonl")
+    known, turned, both = (load([tmp_path / f"{n}.jsonl" for n in names]) for names in ("b", "a", "ab"))
     assert (known.marked, turned.marked, both.marked) == (True, False, False)
     assert (known.notes, turned.notes) == ((), ())
     assert both.notes == ("no marks are used: those of 3 units are unknown (a1, a2, a3)",)
@@ -97,34 +106,33 @@ def test_marks_that_are_unknown_stay_so_in_a_file_and_of_some_units_make_it_so_f
 
 def test_executors_give_the_same_file_byte_for_byte(tmp_path: Path) -> None:
     many(tmp_path / "lot", 2 * TOGETHER + 3)
-    compress_lot(tmp_path / "lot", MODEL, out=tmp_path / "one.npz")
+    compress(tmp_path / "lot", tmp_path / "one.jsonl")
     with ThreadPoolExecutor(2) as executor:
-        compress_lot(tmp_path / "lot", MODEL, out=tmp_path / "two.npz", executor=executor)
-    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+        compress(tmp_path / "lot", tmp_path / "two.jsonl", executor=executor)
+    assert (tmp_path / "one.jsonl").read_bytes() == (tmp_path / "two.jsonl").read_bytes()
 
 
 def test_what_was_stopped_goes_on(tmp_path: Path) -> None:
-    """Units that are done are not read again, but those whose files have changed are, and it is said."""
-    folder, out = many(tmp_path / "lot", 2 * TOGETHER), tmp_path / "lot.npz"
+    """Units that are done are not read again, but those whose files have changed are."""
+    folder, out = many(tmp_path / "lot", 2 * TOGETHER), tmp_path / "lot.jsonl"
 
     def stop(text: str) -> None:
         if text == f"{TOGETHER} of {2 * TOGETHER} units read":
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compress_lot(folder, MODEL, out=out, progress=stop)
+        compress(folder, out, progress=stop)
     assert not out.exists()
     run = put(tmp_path / "other", ["other"]) / "other" / "run+1.csv"
     (folder / "0003" / "run+1.csv").write_bytes(run.read_bytes())
     (folder / "units.csv").write_text("serial,machine\n0005,new\n", "utf-8")
-    done = compress_lot(folder, MODEL, out=out)
+    done = compress(folder, out)
     assert done.read == TOGETHER + 1
-    assert any(note == "read again: 1 unit whose files have changed (0003)" for note in done.notes)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["lot", "lot.npz", "other"]
-    found = load_amplitudes(out, MODEL)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lot", "lot.jsonl", "other"]
+    found = load(out)
     assert found.serials[:2] == ("0005", "0000")
     assert found.labels["machine"][:2] == ("new", "")
-    check_same(found, load_amplitudes(folder, MODEL))
+    check_same(found, load(folder))
 
 
 def test_memory_grows_by_names_alone(tmp_path: Path) -> None:
@@ -133,111 +141,82 @@ def test_memory_grows_by_names_alone(tmp_path: Path) -> None:
     for count in (2 * TOGETHER, 6 * TOGETHER):
         folder = many(tmp_path / str(count), count, 256)
         tracemalloc.start()
-        compress_lot(folder, MODEL, out=tmp_path / f"{count}.npz")
+        compress(folder, tmp_path / f"{count}.jsonl")
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / (4 * TOGETHER) < 2000
 
 
-def edited(path: Path, **changed: Any) -> None:
-    """Change arrays of a file, or what its head says."""
-    with np.load(path) as file:
-        arrays = dict(file)
-    for name, value in changed.items():
-        key = name.replace("_", "-")
-        if key in arrays:
-            arrays[key] = value(arrays[key])
-        else:
-            head = json.loads(arrays["head"].tobytes()) | {name: value}
-            arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
-    np.savez(path, **arrays)
+def edited(path: Path, line: int, **changed: Any) -> None:
+    """Change what a line of a file says."""
+    lines = path.read_text("utf-8").splitlines()
+    lines[line] = json.dumps(json.loads(lines[line]) | changed)
+    path.write_text("\n".join(lines), "utf-8")
 
 
 def cut(path: Path, *, size: float) -> None:
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * size)])
 
 
-def flip(path: Path) -> None:
-    """One bit of an amplitude."""
-    content = bytearray(path.read_bytes())
-    content[content.index(b"values-0.npy") + 400] ^= 1
-    path.write_bytes(content)
-
-
-def units_without(name: str, array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    told = [{key: value for key, value in one.items() if key != name} for one in json.loads(array.tobytes())]
-    return np.frombuffer(json.dumps(told).encode(), np.uint8)
+def amplitudes(*values: float) -> list[tuple[float, float, str]]:
+    return [(1.0, 50e3, base64.b64encode(np.array(values, "<f4").tobytes()).decode())]
 
 
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (lambda path: path.unlink(), "cannot read the file (No such file or directory); check the path"),
-        (lambda path: path.write_text("serial,machine\n"), "this is no .npz file; give a folder of units"),
-        (lambda path: path.write_bytes(b""), "this is no .npz file"),
-        (lambda path: np.savez(path, theta=np.zeros(3)), "this .npz is no compressed lot; give one that"),
-        (lambda path: np.savez(path, head=np.array([{}], dtype=object)), "cut off or damaged"),
-        (lambda path: np.savez(path, head=np.zeros(3)), "cut off or damaged"),
+        (lambda path: path.write_text("serial,machine\n"), "no compressed lot that this rverror reads; give a folder"),
+        (lambda path: path.write_bytes(b""), "no compressed lot"),
+        (partial(edited, line=0, version=1), "no compressed lot"),
+        (partial(edited, line=0, ratio=105.0), "made with another model, of ratio 105 for 49; compress the runs again"),
+        (partial(edited, line=0, ratio="x"), "cut off or damaged"),
+        (partial(edited, line=0, units=4), "cut off or damaged"),
+        (partial(edited, line=0, notes=None), "cut off or damaged"),
         (partial(cut, size=0.1), "cut off or damaged"),
         (partial(cut, size=0.9), "cut off or damaged"),
-        (flip, "cut off or damaged (BadZipFile: Bad CRC-32"),
-        (partial(edited, version=2), "a compressed lot of format version 2, this rverror reads 1; compress the runs"),
-        (partial(edited, ratio=105.0), "made with another model, of ratio 105 for 49; compress the runs again with"),
-        (partial(edited, ratio="x"), "cut off or damaged"),
-        (partial(edited, units=4), "cut off or damaged"),
-        (partial(edited, notes=None), "cut off or damaged"),
-        (partial(edited, blocks=2), "cut off or damaged"),
-        (partial(edited, values_0=lambda values: values[:-1]), "cut off or damaged"),
-        (partial(edited, values_0=lambda values: np.append(values, values[:3])), "cut off or damaged"),
-        (partial(edited, values_0=lambda values: values * np.float32(np.nan)), "cut off or damaged"),
-        (partial(edited, units_0=partial(units_without, "samples")), "cut off or damaged"),
-        (partial(edited, units_0=partial(units_without, "serial")), "cut off or damaged"),
+        (partial(edited, line=2, runs=amplitudes(1.0)), "unit b has no 62 finite amplitudes"),
+        (partial(edited, line=2, runs=amplitudes(*61 * [1.0], np.nan)), "unit b has no 62 finite amplitudes"),
+        (partial(edited, line=2, runs=[[1.0, 50e3, "~"]]), "cut off or damaged"),
+        (partial(edited, line=2, samples=None), "cut off or damaged"),
     ],
 )
 def test_files_that_cannot_be_used(tmp_path: Path, spoil: Callable[[Path], object], said: str) -> None:
     """One line that names the file."""
-    path = tmp_path / "lot.npz"
-    compress_lot(put(tmp_path / "lot", ["a", "b", "c"]), MODEL, out=path)
+    path = tmp_path / "lot.jsonl"
+    compress(put(tmp_path / "lot", ["a", "b", "c"]), path)
     spoil(path)
     with pytest.raises(InputError) as caught:
-        load_amplitudes(path, MODEL)
+        load(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_an_effect_that_asks_for_the_time_of_the_runs(tmp_path: Path) -> None:
-    out, later = tmp_path / "lot.npz", rverror.effect("sensor.time_offset", offset="1 us")
-    compress_lot(put(tmp_path / "lot", ["a", "b", "c"]), MODEL, out=out)
-    with pytest.raises(InputError, match="whose effects need no time of the runs; compress the runs again"):
-        load_amplitudes(out, MODEL + later)
-
-
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        (["a", "a.npz"], r"a.npz: 3 serials \(x, y, z\) that .*a has too; give each unit once"),
-        (["a.npz", "a"], r"a: 3 serials \(x, y, z\) that .*a.npz has too"),
+        (["a", "a.jsonl"], r"a.jsonl: 3 serials \(x, y, z\) that .*a has too; give each unit once"),
+        (["a.jsonl", "a"], r"a: 3 serials \(x, y, z\) that .*a.jsonl has too"),
         ([], "paths: there is none"),
         (["none"], r"none: cannot read the folder \(No such file"),
     ],
 )
 def test_parts_that_do_not_belong_together(tmp_path: Path, parts: Sequence[str], said: str) -> None:
-    compress_lot(put(tmp_path / "a", ["x", "y", "z"]), MODEL, out=tmp_path / "a.npz")
+    compress(put(tmp_path / "a", ["x", "y", "z"]), tmp_path / "a.jsonl")
     with pytest.raises(InputError, match=said):
-        load_amplitudes([tmp_path / part for part in parts], MODEL)
+        load([tmp_path / part for part in parts])
 
 
 def test_what_is_not_overwritten_and_cannot_be_written(tmp_path: Path) -> None:
-    folder, out = put(tmp_path / "lot", ["a", "b", "c"]), tmp_path / "lot.npz"
+    folder, out = put(tmp_path / "lot", ["a", "b", "c"]), tmp_path / "lot.jsonl"
     out.write_text("kept", "utf-8")
     with pytest.raises(InputError, match="the file exists; choose another name or allow overwriting"):
-        compress_lot(folder, MODEL, out=out)
+        compress(folder, out)
     assert out.read_text("utf-8") == "kept"
     with pytest.raises(InputError, match=r"cannot write it \(No such file or directory\); choose another place"):
-        compress_lot(folder, MODEL, out=tmp_path / "none" / "lot.npz")
-    compress_lot(folder, MODEL, out=out, overwrite=True)
-    assert len(load_amplitudes(out, MODEL).serials) == 3
+        compress(folder, tmp_path / "none" / "lot.jsonl")
+    compress(folder, out, overwrite=True)
+    assert len(load(out).serials) == 3
 
 
 def test_a_worker_that_is_lost(tmp_path: Path) -> None:
@@ -246,7 +225,7 @@ def test_a_worker_that_is_lost(tmp_path: Path) -> None:
             raise BrokenExecutor("killed")
 
     with pytest.raises(InputError, match=r"a worker was lost \(killed\); start again"), Gone() as executor:
-        compress_lot(put(tmp_path / "lot", ["a", "b", "c"]), MODEL, out=tmp_path / "lot.npz", executor=executor)
+        compress(put(tmp_path / "lot", ["a", "b", "c"]), tmp_path / "lot.jsonl", executor=executor)
 
 
 def test_a_lot_is_asked_of_amplitudes(tmp_path: Path) -> None:
@@ -256,23 +235,21 @@ def test_a_lot_is_asked_of_amplitudes(tmp_path: Path) -> None:
         raise KeyboardInterrupt(text)
 
     with pytest.raises(KeyboardInterrupt, match="3 units, forward at 50 N"):
-        lot(MODEL, load_amplitudes(put(tmp_path, ["a", "b", "c"]), MODEL), progress=stop)
+        lot(MODEL, load(put(tmp_path, ["a", "b", "c"])), progress=stop)
 
 
 @pytest.mark.parametrize("changed", ["mapping", "damaged"])
 def test_what_was_read_otherwise_is_read_again(tmp_path: Path, changed: str) -> None:
     """What a stopped call has left by another mapping, or damaged."""
-    folder, out = many(tmp_path / "lot", TOGETHER + 1), tmp_path / "lot.npz"
+    folder, out = many(tmp_path / "lot", TOGETHER + 1), tmp_path / "lot.jsonl"
     (tmp_path / "bench.toml").write_text("", "utf-8")
 
     def stop(text: str) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        compress_lot(folder, MODEL, out=out, progress=stop)
-    chunk = tmp_path / "lot.npz.parts" / "chunk-00000001.npz"
+        compress(folder, out, progress=stop)
     if changed == "damaged":
-        flip(chunk)
-    done = compress_lot(folder, MODEL, tmp_path / "bench.toml" if changed == "mapping" else None, out=out)
+        cut(tmp_path / "lot.jsonl.begun", size=0.01)
+    done = compress(folder, out, tmp_path / "bench.toml" if changed == "mapping" else None)
     assert done.read == TOGETHER + 1
-    assert done.notes == (f"read again: what {chunk} has, of another model, mapping or version, or damaged",)

@@ -14,14 +14,13 @@ from rverror.base.arrays import Array
 from rverror.lots.differences import (
     Fits,
     ShiftSource,
-    Tail,
     candidates_of,
     changes_over_serial,
-    detection_limit,
     group_differences,
     misfit,
     steady,
     surprise,
+    tail_chance,
 )
 from rverror.lots.result import Change, Interval, Shift
 
@@ -88,10 +87,10 @@ def test_surprise_is_a_tail_probability_where_that_underflows_too(freedom: int) 
 
 def test_tail_of_an_exponential() -> None:
     """Chance within a factor of two at e^-10, seen by 499; what nobody saw is rare, not impossible."""
-    tail = Tail(-np.log1p(-(np.arange(499) + 0.5) / 499))
-    assert 0.5 < tail.chance(10.0) / np.exp(-10) < 3
-    assert tail.chance(0.1) == pytest.approx(np.exp(-0.1), rel=0.01)
-    assert 0 < tail.chance(100.0) < 1e-12
+    seen = -np.log1p(-(np.arange(499) + 0.5) / 499)
+    assert 0.5 < tail_chance(seen, 10.0) / np.exp(-10) < 3
+    assert tail_chance(seen, 0.1) == pytest.approx(np.exp(-0.1), rel=0.01)
+    assert 0 < tail_chance(seen, 100.0) < 1e-12
 
 
 def test_cams_of_one_disc_of_a_machine_are_named_and_nothing_else() -> None:
@@ -261,12 +260,13 @@ def test_steady_is_what_stands_before_a_ramp_and_on_the_longer_side_of_a_step() 
     assert steady([change(100, "step"), change(30, "step"), change(80, "ramp")], SERIALS) == slice(30, 80)
 
 
-def test_what_is_at_its_limit_of_detection_is_found_in_most_lots() -> None:
+def test_a_difference_of_four_errors_is_found_in_most_lots() -> None:
     """Between halves of a lot: a unit's information times a quarter of the units.  In 95 %: 16 of 20 lots or more."""
     cam = of_parts("crank.eccentricity", "radial", crank=0, disc=0)
     column, labels = cam.columns[:, 0], {"machine": ("A", "B") * (UNITS // 2)}
-    information = np.array([column @ SOME.weight @ column * UNITS / 4])
-    size = float(detection_limit(information, tests=len(candidates()), level=0.005)[0])
+    information = column @ SOME.weight @ column * UNITS / 4
+    far = scipy.stats.norm.isf(0.0025 / len(candidates())) + scipy.stats.norm.ppf(0.95)
+    size = float(far / np.sqrt(information))
     hits = [0, 0]
     for seed in range(20):
         for at, share in enumerate((1.0, 0.5)):

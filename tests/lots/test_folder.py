@@ -84,10 +84,10 @@ def test_with_a_mapping_runs_have_other_endings(tmp_path: Path, model: rverror.M
 HOSTILE = {
     "no column 'serial'": "date,machine\n1,A\n",
     "did you mean 'serials'": "serials,machine\na,A\n",
-    "line 3: serial 'a' stands in line 2 too": "serial,machine\na,A\na,B\n",
+    "line 3: serial 'a' stands above too": "serial,machine\na,A\na,B\n",
     "line 2: 3 cells for 2 columns": "serial,machine\na,A,B\n",
     "line 2: no serial": "serial,machine\n,A\n",
-    "two columns 'Machine'": "serial,machine,Machine\na,A,B\n",
+    "two columns 'machine'": "serial,machine,Machine\na,A,B\n",
     "the table is empty": "# nothing\n\n",
     "correct the quotes": 'serial,machine\na,"A\n',
 }

@@ -74,7 +74,7 @@ def add_commands(commands: Any) -> None:
             ),
             **MAPPING,
             "--compress": option(
-                "OUT.npz",
+                "OUT.jsonl",
                 "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
             ),
             "--jobs": option(
@@ -150,7 +150,7 @@ def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
         _workers(options.jobs, inputs) as executor,
     ):
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
-    for note in done.notes:
+    for note in inputs.notes:
         tell(note)
     print(f"{options.compress}: {count_of(done.units, 'unit')}, the runs of {done.read} read now")
 

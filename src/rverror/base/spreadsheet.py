@@ -1,9 +1,39 @@
-"""Spreadsheets as rows of texts."""
+"""Tables as rows of texts, of CSV files and of spreadsheets."""
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+
 from rverror.base.errors import InputError
-from rverror.base.text import PathLike
+from rverror.base.text import PathLike, read_text, split_lines
+
+
+def table_rows(path: PathLike) -> list[tuple[int, list[str]]]:
+    """Rows of a table that hold anything, each with its number, from 1; what begins with # is left out.
+
+    Parameters
+    ----------
+    path : str or path-like
+        CSV, its cells parted by commas or, as spreadsheets may write it, semicolons; or a workbook.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    rows = TABLES.get(Path(path).suffix.lower(), _csv_rows)(path)
+    return [(number, row) for number, row in rows if any(row) and not row[0].startswith("#")]
+
+
+def _csv_rows(path: PathLike) -> list[tuple[int, list[str]]]:
+    lines = ["" if line.lstrip().startswith("#") else line for line in split_lines(read_text(path))]
+    head = next(filter(str.strip, lines), "")
+    rows = csv.reader(lines, delimiter=";" if head.count(";") > head.count(",") else ",", strict=True)
+    try:
+        return [(rows.line_num, [cell.strip() for cell in row]) for row in rows]
+    except csv.Error as error:
+        raise InputError(f"{path}, line {rows.line_num}: no row of a table ({error}); correct the quotes") from error
 
 
 def sheet_rows(path: PathLike) -> list[tuple[int, list[str]]]:
@@ -33,3 +63,7 @@ def sheet_rows(path: PathLike) -> list[tuple[int, list[str]]]:
     return [
         (number, ["" if cell is None else str(cell).strip() for cell in row]) for number, row in enumerate(cells, 1)
     ]
+
+
+#: What reads a table, by the ending of its name.
+TABLES = {".csv": _csv_rows, ".xlsx": sheet_rows}

@@ -34,9 +34,9 @@ def cores() -> int:
 def one_for_a_diagnosis(
     environment: MutableMapping[str, str], arguments: Sequence[str], loaded: Collection[str]
 ) -> None:
-    """Let `rverror diagnose` and `rverror demo` multiply matrices on one thread, unless their user has said how many.
+    """Let commands that diagnose or tell of a lot multiply matrices on one thread, unless their user has said how many.
 
-    A diagnosis makes many small products: two threads take twice the processor's time for them and are done no sooner.
+    They make many small products: two threads take twice the processor's time for them and are done no sooner.
     Its equilibria run on all cores.  A program that imports rverror keeps what it has.
 
     Parameters
@@ -50,7 +50,7 @@ def one_for_a_diagnosis(
     """
     program, command = [*(Path(word).stem for word in arguments[1:] if not word.startswith("-")), "", ""][:2]
     said = any(name in environment for name in BLAS_THREADS)
-    if program == "rverror" and command in ("diagnose", "demo") and not said and "numpy" not in loaded:
+    if program == "rverror" and command in ("diagnose", "demo", "lot") and not said and "numpy" not in loaded:
         environment.update(dict.fromkeys(BLAS_THREADS, "1"))
 
 

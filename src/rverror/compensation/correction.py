@@ -7,19 +7,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError
-from rverror.base.numbers import brief
 from rverror.model.compensation import WAVE, order_index
 from rverror.model.effects import Effect, effect
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 
 _TURN = 2 * math.pi
 _FINE = 8  # samples a wave of the highest order, to see what waves leave between the points of a table
-_FEWEST = 4  # points a wave of the highest order: below, a table leaves 1 - cos(pi/4) = 29 % of it and more
+FEWEST = 4  # points a wave of the highest order: below, a table leaves 1 - cos(pi/4) = 29 % of it and more
 _MOST = 1 << 17
 _SETTLES = 8  # each takes off all but the slope of the correction, a few per cent
 
@@ -72,36 +69,33 @@ class Correction:
         From the cases of the direction that come nearest in speed and temperature, straight from load to load, and
         beyond the smallest and largest load as there.
         """
-        cases = [case for case in self.table.cases if case.condition.direction == condition.direction]
-        orders = self.orders
+        orders, cases = self.orders, [c for c in self.table.cases if c.condition.direction == condition.direction]
         if not cases:
             return orders, np.zeros(orders.size, dtype=np.complex128)
-        near = [_distance(case.condition, condition) for case in cases]
-        cases = [case for case, off in zip(cases, near, strict=True) if off == min(near)]
-        known = {case.condition.torque: case for case in cases}
-        if condition.torque in known or condition.torque is None or None in known:
-            case = known.get(condition.torque, cases[0])
-            return orders, waves_at(orders, case.orders, case.waves)
-        loads = sorted(load for load in known if load is not None)
-        rows = np.array([waves_at(orders, known[load].orders, known[load].waves) for load in loads])
-        share = np.interp(condition.torque, loads, np.arange(len(loads)))
-        low = min(int(share), len(loads) - 1)
-        high = min(low + 1, len(loads) - 1)
-        return orders, np.asarray(rows[low] + (share - low) * (rows[high] - rows[low]), dtype=np.complex128)
+        off = [_distance(case.condition, condition) for case in cases]
+        near = [case for case, far in zip(cases, off, strict=True) if far == min(off)]
+        loads = {case.condition.torque: waves_at(orders, case.orders, case.waves) for case in near}
+        if condition.torque in loads or condition.torque is None or None in loads:
+            return orders, loads.get(condition.torque, next(iter(loads.values())))
+        torques = sorted(torque for torque in loads if torque is not None)
+        share = float(np.interp(condition.torque, torques, np.arange(len(torques))))
+        low, high = (loads[torques[at]] for at in (math.floor(share), math.ceil(share)))
+        return orders, low + (share - math.floor(share)) * (high - low)
 
     def at(self, theta: Array, condition: TableCondition) -> Array:
         """Sum of the waves at output angles, rad, shape (n,): what is added, to first order."""
         return wave_sum(theta, *self.waves(condition))
 
-    def limited(self, points: int) -> Correction:
-        """Without the orders that so many even points a turn cannot hold: fewer than four a wave."""
-        cases = [only(case, case.orders * _FEWEST <= points) for case in self.table.cases]
-        return replace(self, table=replace(self.table, cases=tuple(cases)))
+    def of_orders(self, orders: Array) -> Correction:
+        """The same with some of its orders."""
+        kept = [(case, np.isin(case.orders, orders)) for case in self.table.cases]
+        cases = tuple(replace(case, orders=case.orders[at], waves=case.waves[at]) for case, at in kept)
+        return replace(self, table=replace(self.table, cases=cases))
 
     def points(self, condition: TableCondition, allowed: float) -> int:
         """Even points a turn between which straight lines leave no more than so much rms, rad, four a wave at least."""
         highest = float(self.orders.max(initial=1.0))
-        count: int = 2 ** math.ceil(math.log2(max(_FEWEST * highest, 16)))
+        count: int = 2 ** math.ceil(math.log2(max(FEWEST * highest, 16)))
         while count < _MOST and self.between(count, condition) > allowed:
             count *= 2
         return count
@@ -133,18 +127,6 @@ class Correction:
         theta = self._angles()
         theta = theta if self.reach is None else theta[theta + angle <= self.reach[1]]
         return float(np.sqrt(np.mean((self.at(theta + angle, condition) - self.at(theta, condition)) ** 2)))
-
-    def of_itself(self, condition: TableCondition) -> float:
-        """What waves leave that are summed at the command and not where the input then stands: at most, rad.
-
-        Notes
-        -----
-        The error is te(theta + c) + c with c = -te(theta), whose size is that of c'(theta) c(theta) to second order.
-        `settled` leaves nothing.
-        """
-        theta = self._angles()
-        own = self.at(theta, condition)
-        return float(np.abs(own - self.at(self._bounded(theta + own), condition)).max())
 
     def settled(self, theta: Array, condition: TableCondition) -> Array:
         """Solution of c = w(theta + c), w the sum of the waves: what leads to where the waves cancel the error.
@@ -210,18 +192,6 @@ class Correction:
         first = next((c for c in at if c.torque == torque), at[0])
         return replace(first, direction=direction, torque=torque)
 
-    def check_ratio(self, ratio: float, name: str = "table") -> None:
-        """Refuse a correction that was made for another ratio.
-
-        Raises
-        ------
-        InputError
-        """
-        if not math.isclose(self.ratio, ratio, rel_tol=1e-6):
-            raise InputError(
-                f"{name}: made for a ratio of {brief(self.ratio)}, the model's is {brief(ratio)}; make a table for it"
-            )
-
 
 def wave_sum(theta: Array, orders: Array, waves: Waves) -> Array:
     """Sum of Re(z exp(i order theta)), shape (n,)."""
@@ -275,8 +245,3 @@ def waves_at(wanted: Array, orders: Array, waves: Waves) -> Waves:
     _, here, there = np.intersect1d(wanted, orders, assume_unique=True, return_indices=True)
     found[here] = waves[there]
     return found
-
-
-def only(case: OrderCase, wanted: npt.NDArray[np.bool_]) -> OrderCase:
-    """A case with some of its orders."""
-    return replace(case, orders=case.orders[wanted], waves=case.waves[wanted])

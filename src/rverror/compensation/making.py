@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError, check_each, check_kind
-from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
+from rverror.base.numbers import brief, count_of, in_arcsec, way, with_unit
 from rverror.compensation.correction import Correction, from_effects, waves_at
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, Compensation, HeldError, Unseen
 from rverror.compensation.over_conditions import LEAST_CONDITIONS, VARIABLES, ConditionLaw, law_of
@@ -23,7 +23,6 @@ from rverror.compensation.repeating import (
     DirectedRun,
     RepeatingOrders,
     at_orders,
-    candidates_of,
     condition_of,
     merged,
     records_of,
@@ -39,17 +38,8 @@ from rverror.runs.spectrum import frames_of_order
 _MOST_LISTED = 5
 
 
-class HasModel(Protocol):
-    """What has a model: a diagnosis."""
-
-    @property
-    def model(self) -> Model:
-        """With the causes that were found."""
-        ...
-
-
 def compensate(
-    found: Model | HasModel,
+    found: Any,
     runs: Sequence[Run | OrderTable],
     *,
     torques: Sequence[Any] = (),
@@ -98,7 +88,7 @@ def compensate(
     >>> [one.order for one in made.orders], bool(made.unseen[0].after < 0.1 * made.unseen[0].before)
     ([14.0], True)
     """
-    model: Model = found if isinstance(found, Model) else getattr(found, "model", found)  # type: ignore[arg-type]
+    model: Model = getattr(found, "model", found)
     check_kind("found", model, Model, "give a Model, or what diagnose() found")
     check_each("runs", runs, (Run, OrderTable), "give a list of runs, such as [load_run(path)]")
     if not runs:
@@ -127,44 +117,39 @@ def compensate(
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """Records of samples with their candidates, and cases of tables less what the model predicts."""
+    """Records of samples; and cases of tables, each as measured and less what the model predicts."""
 
     records: list[DirectedRun]
-    candidates: list[Array]
-    folded: set[float]
-    cases: list[OrderCase]
-    measured: list[Waves]
+    tables: list[tuple[OrderCase, OrderCase]]
+
+    @property
+    def conditions(self) -> list[TableCondition]:
+        """Of all of them."""
+        return [record.condition for record in self.records] + [case.condition for case, _ in self.tables]
 
 
 def _gathered(predicted: PredictedWaves, runs: Sequence[Run | OrderTable], notes: list[str]) -> _Data:
-    model = predicted.model
-    data = _Data([], [], set(), [], [])
-    old = from_effects(model.mechanism.ratio, predicted.old)
+    data, old = _Data([], []), from_effects(predicted.model.mechanism.ratio, predicted.old)
     for one in runs:
-        if isinstance(one, OrderTable):
-            for case in one.cases:
-                known = [waves_at(case.orders, *one.waves(case.condition)) for one in (predicted, old)]
-                data.cases.append(replace(case, waves=case.waves - sum(known)))
-                data.measured.append(case.waves)
+        if isinstance(one, Run):
+            data.records.extend(records_of(one, predicted.model, predicted, notes))
             continue
-        fresh: list[str] = []
-        for record in records_of(one, model, predicted, fresh):
-            candidates, folded = candidates_of(model.mechanism, record)
-            data.records.append(replace(record, slowest=float(candidates[0])) if candidates.size else record)
-            data.candidates.append(candidates)
-            data.folded.update(folded)
-        notes += [note for note in fresh if note not in notes]
+        for case in one.cases:
+            known = sum(waves_at(case.orders, *by.waves(case.condition)) for by in (predicted, old))
+            data.tables.append((case, replace(case, waves=case.waves - known)))
     return data
 
 
 def _helps(data: _Data) -> bool:
     """Whether the model lowers the squared error of the runs, and of the tables."""
-    samples = [(record.measured, record.error) for record in data.records]
-    with_model = sum(float(np.sum((e - e.mean()) ** 2)) for _, e in samples)
-    without = sum(float(np.sum((m - m.mean()) ** 2)) for m, _ in samples)
-    with_model += sum(float(np.sum(np.abs(case.waves) ** 2)) for case in data.cases)
-    without += sum(float(np.sum(np.abs(waves) ** 2)) for waves in data.measured)
-    return with_model < without
+    gain = sum(record.measured.var() * record.theta.size for record in data.records)
+    gain -= sum(record.error.var() * record.theta.size for record in data.records)
+    gain += sum(_power(case) - _power(left) for case, left in data.tables)
+    return bool(gain > 0)
+
+
+def _power(case: OrderCase) -> float:
+    return float(np.sum(np.abs(case.waves) ** 2))
 
 
 def _wanted(
@@ -178,8 +163,7 @@ def _wanted(
         else:
             theta, ratio = one.nominal_angle(model), abs(model.mechanism.ratio)
             wanted += [condition_of(one, theta, float(sense), ratio) for sense in np.unique(one.direction)]
-    measured = [r.condition for r in data.records] + [case.condition for case in data.cases]
-    wanted += [replace(condition, torque=torque) for torque in torques for condition in measured]
+    wanted += [replace(condition, torque=torque) for torque in torques for condition in data.conditions]
     return list(dict.fromkeys(wanted))
 
 
@@ -195,55 +179,46 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 
 
 def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
-    of_runs = [repeating_orders(record, c) for record, c in zip(data.records, data.candidates, strict=True)]
-    of_runs = _with_the_others(of_runs)
-    rows = [(one.record.condition, one.orders, one.waves) for one in merged(of_runs)]
-    rows += [(case.condition, case.orders, case.waves) for case in data.cases]
+    of_runs = _with_the_others([repeating_orders(record) for record in data.records])
     _check_left_out(data)
-    cases: list[OrderCase] = []
-    words: dict[float, list[str]] = {}
-    left: dict[float, list[float]] = {}
-    after_tables: dict[TableCondition, float] = {}
-    for sense in sorted({condition.direction for condition, _, _ in rows}, reverse=True):
-        own = [row for row in rows if row[0].direction == sense]
-        asked = dict.fromkeys([*(c for c, _, _ in own), *(c for c in wanted if c.direction == sense)])
-        notes += _outside([c for c, _, _ in own], asked, bool(predicted.corrected))
-        laws = _laws_of(own)
-        after_tables |= laws.after
-        for k, rest in laws.left.items():
-            left.setdefault(k, []).extend(rest)
-        said = dict(laws.words)
+    rows = [OrderCase(condition=one.record.condition, orders=one.orders, waves=one.waves) for one in merged(of_runs)]
+    rows += [case for _, case in data.tables]
+    cases, sides = list[OrderCase](), list[_Side]()
+    for sense in (1.0, -1.0):
+        own = [row for row in rows if row.condition.direction == sense]
+        if not own:
+            notes.append(f"no {way(sense)} run: nothing is corrected in that direction")
+            continue
+        measured = [row.condition for row in own]
+        asked = list(dict.fromkeys([*measured, *(c for c in wanted if c.direction == sense)]))
+        notes += _outside(measured, asked, bool(predicted.corrected))
+        sides.append(_side(own))
         for condition in asked:
-            orders, values = laws.waves(condition)
+            orders, waves = sides[-1].waves(condition)
             told, model_waves = predicted.waves(condition)
+            sides[-1].words.update({k: "predicted" for k in told.tolist() if k not in sides[-1].words})
             every = np.union1d(orders, told)
-            total = waves_at(every, orders, values) + waves_at(every, told, model_waves)
+            total = waves_at(every, orders, waves) + waves_at(every, told, model_waves)
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
-            said = dict.fromkeys(told.tolist(), "predicted") | said
-        for k, word in said.items():
-            words.setdefault(k, []).append(word)
-    senses = {condition.direction for condition, _, _ in rows}
-    notes += [
-        f"no {'forward' if sense > 0 else 'reverse'} run: nothing is corrected in that direction"
-        for sense in (1.0, -1.0)
-        if sense not in senses
-    ]
-    correction = Correction(
-        predicted.model.mechanism.ratio,
-        OrderTable(cases=tuple(cases)),
-        _reach(data.records) if not data.cases else None,
-    )
-    before, after = _held(of_runs, data, after_tables)
-    listed = _listed(predicted.model, correction, of_runs, words, left, [c for c, _, _ in rows])
-    stays = _stays(data, of_runs, listed, after)
+    model = predicted.model
+    correction = Correction(model.mechanism.ratio, OrderTable(cases=tuple(cases)), _reach(data))
+    before, after = _held(of_runs, data, {c: rest for side in sides for c, rest in side.after.items()})
+    measured_cases = [case for case in cases if case.condition in data.conditions]
+    listed = _listed(model, measured_cases, of_runs, sides)
+    stays = _stays(data, {one.order for one in listed}, after)
     if not listed or after.rms >= before.rms:
-        correction = replace(correction, table=OrderTable(cases=()))
-        return Compensation(correction, (), before, before, predicted.model, stays=stays, notes=tuple(notes))
+        nothing = replace(correction, table=OrderTable(cases=()))
+        return Compensation(nothing, (), before, before, model, stays=stays, notes=tuple(dict.fromkeys(notes)))
+    readings = sorted({e.key for e in predicted.corrected if source(e.key).acts == "reading"})
+    if readings:
+        notes.append(
+            f"{', '.join(readings)}: what misreads is corrected as it was read; where the joint does not keep the "
+            "encoder of the bench, that is an error of its own"
+        )
     records = [(one.record, one.left) for one in of_runs]
     traces = tuple(CompensatedTrace(r.name, r.theta, r.measured - r.measured.mean(), rest) for r, rest in records)
-    return Compensation(
-        correction, listed, before, after, predicted.model, stays=stays, notes=_said(predicted, notes), traces=traces
-    )
+    said = tuple(dict.fromkeys(notes))
+    return Compensation(correction, listed, before, after, model, stays=stays, notes=said, traces=traces)
 
 
 def _with_the_others(found: list[RepeatingOrders]) -> list[RepeatingOrders]:
@@ -251,106 +226,92 @@ def _with_the_others(found: list[RepeatingOrders]) -> list[RepeatingOrders]:
     result = []
     for one in found:
         own = [r for r in found if r.record.condition.direction == one.record.condition.direction]
-        if len({r.record.condition for r in own}) < LEAST_CONDITIONS:
-            result.append(one)
-            continue
-        every = np.unique(np.concatenate([r.orders for r in own]))
-        result.append(at_orders(one.record, every))
+        if len({r.record.condition for r in own}) >= LEAST_CONDITIONS:
+            one = at_orders(one.record, np.unique(np.concatenate([r.orders for r in own])))
+        result.append(one)
     return result
 
 
 def _check_left_out(data: _Data) -> None:
-    by_sense: dict[float, int] = {}
-    for case in data.cases:
-        by_sense[case.condition.direction] = by_sense.get(case.condition.direction, 0) + 1
-    if by_sense and min(by_sense.values()) < LEAST_CONDITIONS:
+    counts = Counter(case.condition.direction for case, _ in data.tables)
+    if counts and min(counts.values()) < LEAST_CONDITIONS:
         raise InputError(
-            f"an order table of {count_of(min(by_sense.values()), 'condition')} in one direction: nothing can be left "
+            f"an order table of {count_of(min(counts.values()), 'condition')} in one direction: nothing can be left "
             f"out to see what survives; give {LEAST_CONDITIONS} or more, or the runs themselves"
         )
 
 
-_Row = tuple[TableCondition, Array, Waves]
-
-
 @dataclass(frozen=True)
-class _Laws:
-    """What the waves of one direction are under any condition."""
+class _Side:
+    """Waves of one direction under any condition."""
 
     waves: Callable[[TableCondition], tuple[Array, Waves]]
-    words: dict[float, str]  # by order
-    left: dict[float, list[float]] = field(default_factory=dict)  # of each order in the conditions left out, rad
-    after: dict[TableCondition, float] = field(default_factory=dict)  # squares that they leave, rad^2
+    words: dict[float, str]  #: law of each order
+    left: Mapping[float, list[float]] = field(default_factory=dict)  #: of each order in the conditions left out, rad
+    after: Mapping[TableCondition, float] = field(default_factory=dict)  #: mean squares that they leave, rad^2
 
 
-def _laws_of(own: Sequence[_Row]) -> _Laws:
+def _side(own: Sequence[OrderCase]) -> _Side:
     """Laws of every order over the conditions of one direction; of few conditions their own waves."""
-    conditions = [c for c, _, _ in own]
     if len(own) < LEAST_CONDITIONS:
-        cases = tuple(OrderCase(condition=c, orders=k, waves=z) for c, k, z in own)
-        measured = Correction(1.0, OrderTable(cases=cases))
-        return _Laws(measured.waves, dict.fromkeys(measured.orders.tolist(), "measured"))
-    orders = np.unique(np.concatenate([k for _, k, _ in own]))
-    found: dict[float, ConditionLaw] = {}
-    after: dict[TableCondition, float] = {}
-    for k in orders.tolist():
-        having = [n for n, (_, known, _) in enumerate(own) if k in known]
-        waves = np.array([own[n][2][np.searchsorted(own[n][1], k)] for n in having])
-        law = law_of(waves, [conditions[n] for n in having], CHANCE / orders.size)
-        for n, rest in zip(having, np.abs(law.left).tolist(), strict=True):
-            after[conditions[n]] = after.get(conditions[n], 0.0) + 0.5 * rest**2
+        measured = Correction(1.0, OrderTable(cases=tuple(own)))
+        return _Side(measured.waves, dict.fromkeys(measured.orders.tolist(), "measured"))
+    orders = np.unique(np.concatenate([case.orders for case in own])).tolist()
+    laws, after = dict[float, ConditionLaw](), defaultdict[TableCondition, float](float)
+    for k in orders:
+        having = [case for case in own if k in case.orders]
+        waves = np.array([case.waves[case.orders == k][0] for case in having])
+        law = law_of(waves, [case.condition for case in having], CHANCE / len(orders))
+        for case, rest in zip(having, np.abs(law.left).tolist(), strict=True):
+            after[case.condition] += rest**2 / 2
         if law.terms:
-            found[k] = law
+            laws[k] = law
+    return _Side(
+        lambda condition: (np.array(list(laws)), np.array([law(condition) for law in laws.values()], dtype=complex)),
+        {k: law.text for k, law in laws.items()},
+        {k: np.abs(law.left).tolist() for k, law in laws.items()},
+        after,
+    )
 
-    def of_laws(condition: TableCondition) -> tuple[Array, Waves]:
-        return np.array(list(found)), np.array([law(condition) for law in found.values()], dtype=np.complex128)
 
-    left = {k: np.abs(law.left).tolist() for k, law in found.items()}
-    return _Laws(of_laws, {k: law.text for k, law in found.items()}, left, after)
-
-
-def _outside(measured: Sequence[TableCondition], asked: Any, named: bool) -> list[str]:
+def _outside(measured: Sequence[TableCondition], asked: Sequence[TableCondition], named: bool) -> list[str]:
     """Warnings of conditions outside of what was measured."""
     notes = []
-    dimensions = dict(zip(VARIABLES, ("torque", "angular_speed", "temperature"), strict=True))
-    for name, dimension in dimensions.items():
+    for name, dimension in VARIABLES.items():
         known = [v for c in measured if (v := getattr(c, name)) is not None]
-        beyond = sorted({v for c in asked if (v := getattr(c, name)) is not None and known}) if known else []
-        beyond = [v for v in beyond if not min(known) * (1 - 1e-6) <= v <= max(known) * (1 + 1e-6)]
+        if not known:
+            continue
+        low, high = min(known), max(known)
+        values = {v for c in asked if (v := getattr(c, name)) is not None}
+        beyond = sorted(v for v in values if not low * (1 - 1e-6) <= v <= high * (1 + 1e-6))
+        held = "waves are taken as at the nearest that was"
+        if named and name == "torque":
+            held = "the causes predict it, orders are taken as at the nearest"
         if beyond:
-            what = name.replace("input_", "")
-            held = (
-                "the causes predict it, orders are taken as at the nearest"
-                if named and name == "torque"
-                else ("waves are taken as at the nearest that was")
-            )
             notes.append(
-                f"{what} {', '.join(with_unit(v, dimension) for v in beyond)} is outside of what was measured "
-                f"({with_unit(min(known), dimension)} to {with_unit(max(known), dimension)}): {held}"
+                f"{name.replace('input_', '')} {', '.join(with_unit(v, dimension) for v in beyond)} is outside of what "
+                f"was measured ({with_unit(low, dimension)} to {with_unit(high, dimension)}): {held}"
             )
     return notes
 
 
-def _reach(records: Sequence[DirectedRun]) -> tuple[float, float] | None:
-    if not records or any(record.whole for record in records):
+def _reach(data: _Data) -> tuple[float, float] | None:
+    if data.tables or any(record.whole for record in data.records):
         return None
-    return max(float(r.theta.min()) for r in records), min(float(r.theta.max()) for r in records)
+    return max(float(r.theta.min()) for r in data.records), min(float(r.theta.max()) for r in data.records)
 
 
 # --- what it leaves ---------------------------------------------------------------------------------------------------
 
 
 def _held(
-    found: Sequence[RepeatingOrders], data: _Data, after: dict[TableCondition, float]
+    found: Sequence[RepeatingOrders], data: _Data, after: Mapping[TableCondition, float]
 ) -> tuple[HeldError, HeldError]:
     """Error of what was left out: stretches, with what a law over the conditions leaves of their waves; conditions."""
-    before_squares = np.concatenate([np.zeros(0), *(one.before for one in found)])
-    after_squares = np.concatenate([np.zeros(0), *(one.after + after.get(one.record.condition, 0.0) for one in found)])
-    if data.cases:
-        table_before = [0.5 * float(np.sum(np.abs(waves) ** 2)) for waves in data.measured]
-        before_squares = np.concatenate([before_squares, table_before])
-        after_squares = np.concatenate([after_squares, [after[case.condition] for case in data.cases]])
-    return _interval(before_squares), _interval(after_squares)
+    before_squares = [one.before for one in found] + [np.array([_power(case) / 2]) for case, _ in data.tables]
+    after_squares = [one.after + after.get(one.record.condition, 0.0) for one in found]
+    after_squares += [np.array([after[case.condition]]) for case, _ in data.tables]
+    return _interval(np.concatenate(before_squares)), _interval(np.concatenate(after_squares))
 
 
 def _interval(squares: Array) -> HeldError:
@@ -365,71 +326,40 @@ def _interval(squares: Array) -> HeldError:
 
 
 def _listed(
-    model: Model,
-    correction: Correction,
-    found: Sequence[RepeatingOrders],
-    words: dict[float, list[str]],
-    left: dict[float, list[float]],
-    measured: Sequence[TableCondition],
+    model: Model, cases: Sequence[OrderCase], found: Sequence[RepeatingOrders], sides: Sequence[_Side]
 ) -> tuple[CompensatedOrder, ...]:
-    squares: dict[float, list[float]] = {}
-    for case in correction.table.cases:
-        if case.condition in measured:
-            for k, size in zip(case.orders.tolist(), np.abs(case.waves).tolist(), strict=True):
-                squares.setdefault(k, []).append(size**2)
-    rest = dict(left)
-    for k in squares:
-        for one in found:
-            rest.setdefault(k, []).extend(one.lines(k))
+    """Orders of the measured conditions, the largest first."""
     listed = []
-    for k, values in squares.items():
-        size = math.sqrt(float(np.mean(values)))
-        remains = math.sqrt(float(np.mean(np.square(rest[k])))) if k in rest else math.nan
-        if size > 0:
+    for k in np.unique(np.concatenate([case.orders for case in cases])).tolist():
+        sizes = np.concatenate([np.abs(case.waves[case.orders == k]) for case in cases])
+        rest = [size for side in sides for size in side.left.get(k, ())]
+        rest += [size for one in found for size in one.lines(k)]
+        words = dict.fromkeys(side.words[k] for side in sides if k in side.words)
+        if sizes.any():
+            amplitude, left = (math.sqrt(float(np.mean(np.square(x)))) if len(x) else math.nan for x in (sizes, rest))
             frames = tuple(frames_of_order(model.mechanism, k))
-            listed.append(CompensatedOrder(k, frames, size, remains, "; ".join(dict.fromkeys(words.get(k, ())))))
+            listed.append(CompensatedOrder(k, frames, amplitude, left, "; ".join(words)))
     return tuple(sorted(listed, key=lambda one: -one.amplitude))
 
 
-def _stays(
-    data: _Data, found: Sequence[RepeatingOrders], listed: Sequence[CompensatedOrder], after: HeldError
-) -> tuple[str, ...]:
+def _stays(data: _Data, taken: set[float], after: HeldError) -> tuple[str, ...]:
     """What stays, and why."""
     told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
-    taken = {one.order for one in listed}
-    lines = [line for one in found if (line := one.between())]
-    if lines:
-        order, size = max(lines, key=lambda line: line[1])
-        told.append(
-            f"a line of order {brief(order, 5)}, {brief(size / units.ARCSEC, 2)} arcsec: no whole order, so that "
-            "no table over a turn holds it"
-        )
-    if not taken and found:
-        count = max(c.size for c in data.candidates)
+    if not taken and data.records:
+        count = max(record.candidates.size for record in data.records)
         told.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
-    if not taken and data.cases:
+    if not taken and data.tables:
         told.append("no order has a law over the conditions that predicts those left out")
-    known = {k for case in data.cases for k in case.orders.tolist()}
+    known = {k for case, _ in data.tables for k in case.orders.tolist()}
     if lost := sorted(known - taken):
         told.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
     if known:
         told.append("orders that the table does not hold: nothing is known of them")
-    if data.folded:
-        listed_images = ", ".join(sorted({brief(k) for k in data.folded})[:_MOST_LISTED])
-        told.append(f"orders {listed_images}: the mesh orders of the gears fold onto them; measure more samples a turn")
+    if folded := {brief(k) for record in data.records for k in record.folded}:
+        images = ", ".join(sorted(folded)[:_MOST_LISTED])
+        told.append(f"orders {images}: the mesh orders of the gears fold onto them; measure more samples a turn")
     told.append("windup and play: a constant for each direction and load, which a run does not tell from its offset")
     return tuple(told)
-
-
-def _said(predicted: PredictedWaves, notes: list[str]) -> tuple[str, ...]:
-    readings = sorted({e.key for e in predicted.corrected if source(e.key).acts == "reading"})
-    more = []
-    if readings:
-        more.append(
-            f"{', '.join(readings)}: what misreads is corrected as it was read; where the joint does not keep the "
-            "encoder of the bench, that is an error of its own"
-        )
-    return tuple(dict.fromkeys([*notes, *more]))
 
 
 # --- data that no fit saw ---------------------------------------------------------------------------------------------
@@ -444,7 +374,7 @@ def _tested(
         squares = []
         for case in one.cases:
             new, replaced = (waves_at(case.orders, *table.waves(case.condition)) for table in (correction, old))
-            squares.append([0.5 * np.sum(np.abs(waves) ** 2) for waves in (case.waves, case.waves + new - replaced)])
+            squares.append([_power(case) / 2, _power(replace(case, waves=case.waves + new - replaced)) / 2])
         return Unseen(one.path, *np.sqrt(np.mean(squares, axis=0)).tolist()), ()
     theta, error = one.nominal_angle(predicted.model), one.error(predicted.model)
     traces = []
@@ -454,5 +384,5 @@ def _tested(
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
         sides = error[at] - error[at].mean(), changed - changed.mean()
         traces.append(CompensatedTrace(one.path, theta[at], *sides, unseen=True))
-    errors = (np.concatenate([getattr(trace, side) for trace in traces]) for side in ("before", "after"))
-    return Unseen(one.path, *(math.sqrt(float(np.mean(error**2))) for error in errors)), tuple(traces)
+    before, after = (np.concatenate([getattr(trace, side) for trace in traces]) for side in ("before", "after"))
+    return Unseen(one.path, float(np.std(before)), float(np.std(after))), tuple(traces)

@@ -12,8 +12,8 @@ from rverror.base.arrays import Array
 from rverror.base.chance import variance_ratio
 from rverror.runs.order_table import TableCondition, Waves
 
-#: What a law may hang on, as in `TableCondition`.
-VARIABLES = ("torque", "input_speed", "temperature")
+#: What a law may hang on, as in `TableCondition`, with its dimension.
+VARIABLES = {"torque": "torque", "input_speed": "angular_speed", "temperature": "temperature"}
 _DEGREE = 2
 #: Conditions in one direction from which on a law is looked for: fewer are taken as they are.
 LEAST_CONDITIONS = 4
@@ -30,10 +30,8 @@ class ConditionLaw:
     terms : tuple of tuple of int
         Exponents of torque, speed and temperature of each term; empty where no law predicts what was left out.
     sizes : ndarray of complex, shape (terms,)
-        rad, of variables over their largest value.
-    scales : tuple of float
-        Those.
-    spans : tuple of tuple of two float
+        rad, of variables over their largest size.
+    low, high : ndarray, shape (3,)
         Between which each variable was measured.
     left : ndarray of complex, shape (conditions,)
         Wave of each condition less what the others predict, rad.
@@ -41,23 +39,27 @@ class ConditionLaw:
 
     terms: tuple[Exponents, ...]
     sizes: Waves
-    scales: tuple[float, ...]
-    spans: tuple[tuple[float, float], ...]
+    low: Array
+    high: Array
     left: Waves
 
     def __call__(self, condition: TableCondition) -> complex:
         """Wave under a condition, rad; beyond what was measured as at its end."""
-        x = []
-        for name, scale, (low, high) in zip(VARIABLES, self.scales, self.spans, strict=True):
-            value = getattr(condition, name)
-            x.append((low if value is None else min(max(value, low), high)) / scale)
-        return complex(_columns(np.array([x]), self.terms)[0] @ self.sizes)
+        given = [getattr(condition, name) for name in VARIABLES]
+        values = [low if value is None else value for value, low in zip(given, self.low, strict=True)]
+        x = np.clip(values, self.low, self.high) / _scales(self.low, self.high)
+        return complex(_columns(x[None], self.terms)[0] @ self.sizes)
 
     @property
     def text(self) -> str:
         """Terms in words, ``constant + torque``."""
-        words = ["constant" if not any(e) else " ".join(_power(n, p) for n, p in _pairs(e) if p) for e in self.terms]
-        return " + ".join(words) or "none"
+        names = [name.replace("input_", "") for name in VARIABLES]
+        powers = ("", "{}", "{}^2")
+        words = [
+            " ".join(powers[p].format(name) for name, p in zip(names, exponents, strict=True) if p)
+            for exponents in self.terms
+        ]
+        return " + ".join(word or "constant" for word in words) or "none"
 
 
 def law_of(waves: Waves, conditions: Sequence[TableCondition], chance: float) -> ConditionLaw:
@@ -82,12 +84,11 @@ def law_of(waves: Waves, conditions: Sequence[TableCondition], chance: float) ->
     took two values more than that.
     """
     values = [[getattr(c, name) for c in conditions] for name in VARIABLES]
-    known = [all(v is not None for v in row) for row in values]
-    table = np.array([row if ok else [0.0] * len(conditions) for row, ok in zip(values, known, strict=True)]).T
-    scales = tuple(float(s) or 1.0 for s in np.abs(table).max(axis=0))
+    table = np.array([row if None not in row else [0.0] * len(row) for row in values]).T
+    low, high = table.min(axis=0), table.max(axis=0)
+    x = table / _scales(low, high)
     powers = [min(_DEGREE, max(np.unique(column).size - 2, 0)) for column in table.T]
     open_ = [e for e in itertools.product(*(range(p + 1) for p in powers)) if sum(e) <= _DEGREE]
-    x = table / scales
     terms: tuple[Exponents, ...] = ()
     left = np.array(waves, dtype=np.complex128)
     level = chance / len(open_)
@@ -101,8 +102,13 @@ def law_of(waves: Waves, conditions: Sequence[TableCondition], chance: float) ->
             break
         terms, left = (*terms, best), trials[best]
     sizes = np.linalg.lstsq(_columns(x, terms), waves, rcond=None)[0] if terms else np.zeros(0, dtype=np.complex128)
-    spans = tuple((float(c.min()), float(c.max())) for c in table.T)
-    return ConditionLaw(terms, np.asarray(sizes, dtype=np.complex128), scales, spans, left)
+    return ConditionLaw(terms, np.asarray(sizes, dtype=np.complex128), low, high, left)
+
+
+def _scales(low: Array, high: Array) -> Array:
+    """Largest size of each variable, 1 of none."""
+    size = np.maximum(np.abs(low), np.abs(high))
+    return np.where(size > 0, size, 1.0)
 
 
 def _columns(x: Array, terms: Sequence[Exponents]) -> Array:
@@ -115,12 +121,3 @@ def _without_each(columns: Array, waves: Waves) -> Waves:
     rest = waves - columns @ (inverse @ waves)
     lever = np.einsum("ij,ji->i", columns, inverse)
     return np.asarray(rest / np.maximum(1 - lever, 1e-9), dtype=np.complex128)
-
-
-def _pairs(exponents: Exponents) -> list[tuple[str, int]]:
-    return list(zip(VARIABLES, exponents, strict=True))
-
-
-def _power(name: str, power: int) -> str:
-    word = name.replace("input_", "")
-    return word if power == 1 else f"{word}^{power}"

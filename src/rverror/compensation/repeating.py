@@ -76,8 +76,10 @@ class DirectedRun:
         Output turns between the smallest and the largest angle.
     passed : bool
         Whether the same angles are passed several times.
-    slowest : float
-        Lowest order that may repeat.
+    candidates : ndarray, shape (m,)
+        Orders that may repeat, growing.
+    folded : tuple of float
+        Orders onto which a mesh folds: they are left out.
     """
 
     name: str
@@ -88,7 +90,8 @@ class DirectedRun:
     block: Labels
     turns: float
     passed: bool
-    slowest: float = 1.0
+    candidates: Array
+    folded: tuple[float, ...]
 
     @property
     def whole(self) -> bool:
@@ -97,10 +100,13 @@ class DirectedRun:
 
     def slow(self) -> Array:
         """What has any size in it, shape (n, k): the offset, and a drift or bow where angle and time go together."""
-        if self.whole:
-            degree = _DRIFT if self.turns >= 2 - 1e-9 else 0
+        if self.turns >= 2 - 1e-9:
+            degree = _DRIFT
+        elif self.whole or self.passed:
+            degree = 0
         else:
-            degree = 0 if self.passed else min(int(self.slowest * self.turns), _SLOW)
+            slowest = float(self.candidates[0]) if self.candidates.size else 1.0
+            degree = min(int(slowest * self.turns), _SLOW)
         middle, half = (self.theta.max() + self.theta.min()) / 2, max(float(np.ptp(self.theta)) / 2, 1e-300)
         return np.asarray(np.polynomial.legendre.legvander((self.theta - middle) / half, degree))
 
@@ -130,26 +136,6 @@ class RepeatingOrders:
     before: Array
     after: Array
     left: Array
-
-    def between(self) -> tuple[float, float] | None:
-        """Order and amplitude, rad, of the strongest line between whole orders, where it stands out of the noise.
-
-        Of two turns and more, where every order between is noise unless something turns at it.
-        """
-        record = self.record
-        if record.turns < 2 - 1e-9:
-            return None
-        every, lines, between = _lines_of_turns(record, self.left)
-        apart = np.flatnonzero(between)
-        best = apart[np.argmax(lines[apart])]
-        near = lines[apart][max(np.searchsorted(apart, best) - _BESIDE, 0) :][: 2 * _BESIDE]
-        freedom = _WORTH * near.size
-        ratio = lines[best] / max(float(np.median(near)) / math.log(2), 1e-300)
-        if (1 + 2 * ratio / freedom) ** (-freedom / 2) > CHANCE / apart.size:
-            return None
-        fine = every[best] + np.linspace(-1, 1, 101) * every[0]
-        power = _projected(record.theta, self.left, fine)
-        return float(fine[np.argmax(power)]), math.sqrt(float(power.max()))
 
     def lines(self, order: float) -> list[float]:
         """Amplitude of an order in the residual of each stretch, noise included, rad."""
@@ -181,43 +167,42 @@ def records_of(run: Run, model: Model, predicts: Foretells, notes: list[str]) ->
     name = run.path or "the run"
     theta, error = run.nominal_angle(model), run.error(model)
     run.check_effects(model, name)
-    found = []
     step = float(np.ptp(theta)) / max(np.unique(theta).size - 1, 1)
     turns = (float(np.ptp(theta)) + step) / _TURN
-    for sense in np.unique(run.direction):
+    senses, found = np.unique(run.direction).tolist(), []
+    for sense in senses:
         passes = [part for part in _passes(run.direction) if run.direction[part.start] == sense]
         longest = max(float(np.ptp(theta[part])) for part in passes)
         passes = [part for part in passes if np.ptp(theta[part]) > 0.5 * longest]
         at = np.concatenate([np.arange(part.start, part.stop) for part in passes])
+        label = np.repeat(np.arange(len(passes)), [part.stop - part.start for part in passes])
         if len(passes) == 1:
             try:
                 faults = find_faults(theta[at], error[at])
             except ValueError as problem:
                 raise InputError(f"{name}: {problem}") from problem
             notes += [f"{name}: {note}" for note in faults.notes()]
-            at = at[faults.kept]
-        condition = condition_of(run, theta, float(sense), abs(model.mechanism.ratio))
-        if 1 - 1e-9 <= turns < 2 - 1e-9 and len(passes) == 1:
-            notes.append(f"{name}: less than two turns, so that nothing shows the next one to be alike")
-        where = replace(
-            run.conditions(model),
-            theta=theta[at],
-            direction=float(sense),
-            time=None if run.time is None else run.time[at],
-        )
+            at, label = at[faults.kept], label[faults.kept]
+            if 1 - 1e-9 <= turns < 2 - 1e-9:
+                notes.append(f"{name}: less than two turns, so that nothing shows the next one to be alike")
+        condition = condition_of(run, theta, sense, abs(model.mechanism.ratio))
+        time = None if run.time is None else run.time[at]
+        where = replace(run.conditions(model), theta=theta[at], direction=sense, time=time)
         every, untouched = predicts(where, condition)
-        label = np.concatenate([np.full(part.stop - part.start, n) for n, part in enumerate(passes)])
-        label = label if len(passes) > 1 else np.zeros(at.size, dtype=np.intp)
+        block, passed = _blocks(theta[at], label, turns), turns >= 2 or len(passes) >= _PASSES
+        candidates, folded = _candidates(model.mechanism, theta[at], turns, len(np.unique(block)) if passed else 1)
         found.append(
             DirectedRun(
-                name=f"{name}, {way(float(sense))}" if np.unique(run.direction).size > 1 else name,
+                name=f"{name}, {way(sense)}" if len(senses) > 1 else name,
                 condition=condition,
                 theta=theta[at],
                 measured=error[at] - untouched,
                 error=error[at] - every,
-                block=_blocks(theta[at], label, turns, passes=len(passes)),
+                block=block,
                 turns=turns,
-                passed=turns >= 2 or len(passes) >= _PASSES,
+                passed=passed,
+                candidates=candidates,
+                folded=folded,
             )
         )
     return found
@@ -248,49 +233,48 @@ def _passes(direction: Array) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _blocks(theta: Array, label: Labels, turns: float, *, passes: int) -> Labels:
+def _blocks(theta: Array, label: Labels, turns: float) -> Labels:
     """Turns; else passes; else even stretches of the travel, of a turn many short ones by turns.
 
     Over a turn without a sixth of it orders that are neighbours could not be told apart.
     """
     ahead = theta - theta.min()
     if turns >= 2 - 1e-9:
-        count = math.floor(turns + 1e-6)
-        return np.asarray(np.minimum(np.floor(ahead / _TURN), count - 1), dtype=np.intp)
-    if passes >= _PASSES:
+        return np.asarray(np.minimum(ahead // _TURN, math.floor(turns + 1e-6) - 1), dtype=np.intp)
+    if label[-1] + 1 >= _PASSES:
         return label
+    pieces = _PIECES if turns >= 1 - 1e-9 else _STRETCHES
     share = ahead / (float(np.ptp(theta)) * (1 + 1e-9))
-    if turns >= 1 - 1e-9:
-        return np.asarray(np.floor(share * _PIECES) % _STRETCHES, dtype=np.intp)
-    return np.asarray(np.floor(share * _STRETCHES), dtype=np.intp)
+    return np.asarray(np.floor(share * pieces) % _STRETCHES, dtype=np.intp)
 
 
-def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tuple[float, ...]]:
+def _candidates(mechanism: Mechanism, theta: Array, turns: float, passes: int) -> tuple[Array, tuple[float, ...]]:
     """Orders that may repeat, growing, and the folded ones that are left out.
 
     Whole orders where the run holds a turn, and multiples of what turns in the mechanism; over a part of a turn the
     latter alone, and slow waves where it is passed several times.
     """
-    samples = np.unique(np.round(record.theta, 9)).size / record.turns
-    passes = np.unique(record.block).size if record.passed and record.turns < 1 else 1
-    highest = _SAMPLED * samples / passes / 2
+    samples = np.unique(np.round(theta, 9)).size / turns
+    whole = turns >= 1 - 1e-9
+    highest = _SAMPLED * samples / (1 if whole else passes) / 2
+    bases, meshes = [abs(mechanism.ratio)], list[float]()
     if isinstance(mechanism, Reducer):
         turning = fundamental_orders(mechanism)
-        bases = [*(turning[name] for name in ("housing", "crank", "sun")), abs(mechanism.ratio)]
+        bases += [turning[name] for name in ("housing", "crank", "sun")]
         meshes = [turning["gear mesh"], turning["cycloid mesh"]]
     else:
-        bases, meshes = [abs(mechanism.ratio), *(abs(turns) for turns in mechanism.shafts.values())], []
-    least = 0.0 if record.whole else _LEAST_CYCLES / record.turns
-    moving = [base * m for base in bases for m in range(1, _MULTIPLES + 1) if least <= base * m]
-    listed = [float(k) for k in range(1, int(highest) + 1)] if record.whole else []
-    if record.passed and not record.whole:
+        bases += [abs(order) for order in mechanism.shafts.values()]
+    if whole or passes == 1:
+        least = 0.0 if whole else _LEAST_CYCLES / turns
+        listed = [float(k) for k in range(1, int(highest) + 1)] if whole else []
+        more = sorted({base * m for base in bases for m in range(1, _MULTIPLES + 1) if least <= base * m})
+        apart = 0.5
+    else:
         listed = sorted({base * m for base in bases for m in range(1, _FEW_MULTIPLES + 1)})
-        slow = [j / (2 * record.turns) for j in range(1, _EXTENSION + 1)]
-        # two waves that go together over the travel would cancel each other, each of any size
-        listed += [k for k in slow if all(abs(k - other) * record.turns > _APART for other in listed)]
-        moving = []
-    for order in sorted(set(moving)):
-        if all(abs(order - other) * record.turns > 0.5 for other in listed):
+        more = [j / (2 * turns) for j in range(1, _EXTENSION + 1)]
+        apart = _APART  # two waves that go together over the travel would cancel each other, each of any size
+    for order in more:
+        if all(abs(order - other) * turns > apart for other in listed):
             listed.append(order)
     folded = tuple(
         folded_order(mesh * m, samples) for mesh in meshes for m in range(1, _MESHES + 1) if mesh * m > samples / 2
@@ -299,22 +283,19 @@ def candidates_of(mechanism: Mechanism, record: DirectedRun) -> tuple[Array, tup
     return np.array(sorted(kept)), folded
 
 
-def repeating_orders(record: DirectedRun, candidates: Array, *, chance: float = CHANCE) -> RepeatingOrders:
+def repeating_orders(record: DirectedRun) -> RepeatingOrders:
     """Orders of a record that stand out of the noise and predict stretches that were left out.
 
     Parameters
     ----------
     record : DirectedRun
-    candidates : ndarray, shape (m,)
-    chance : float
-        That any candidate stands out of noise alone.
 
     Returns
     -------
     RepeatingOrders
     """
     pick = _standing_out if record.whole or not record.passed else _cross_validated
-    orders = pick(record, candidates, chance) if candidates.size else candidates
+    orders = pick(record) if record.candidates.size else record.candidates
     while True:
         found = at_orders(record, orders)
         good = (found.gains.sum(axis=0) > 0) & (np.abs(found.waves) > _FLOOR)
@@ -323,12 +304,12 @@ def repeating_orders(record: DirectedRun, candidates: Array, *, chance: float = 
         orders = orders[good]
 
 
-def _standing_out(record: DirectedRun, candidates: Array, chance: float) -> Array:
+def _standing_out(record: DirectedRun) -> Array:
     """Orders that are more likely to help than not, once one stands out beyond chance; each round beside those before.
 
     Taken whole, a wave lowers the expected squared error where more than half of it is expected to be there.
     """
-    chosen = np.zeros(0)
+    chosen, candidates = np.zeros(0), record.candidates
     for _ in range(_ROUNDS):
         sizes, left = _left(record, chosen)
         power, noise, freedom = _power(record, left, candidates)
@@ -336,7 +317,7 @@ def _standing_out(record: DirectedRun, candidates: Array, chance: float) -> Arra
         power[taken] = sizes
         # of noise as much power has the chance exp(-rarity): an F of 2 and so many degrees of freedom
         rarity = freedom / 2 * np.log1p(2 * power / noise / freedom)
-        if not chosen.size and rarity.max() < math.log(candidates.size / chance):
+        if not chosen.size and rarity.max() < math.log(candidates.size / CHANCE):
             break
         loud = ~taken & (_share(rarity) > 0.5) & (power > _FLOOR**2)
         if not loud.any():
@@ -369,15 +350,15 @@ def _share(ratio: Array) -> Array:
     return np.asarray(own @ (scales / (1 + scales)))
 
 
-def _cross_validated(record: DirectedRun, candidates: Array, chance: float) -> Array:
+def _cross_validated(record: DirectedRun) -> Array:
     """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
 
     The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a
     line spectrum of its own, and no order between shows the noise; what differs between passes does.
     """
-    chosen = np.zeros(0)
+    chosen, candidates = np.zeros(0), record.candidates
     last = at_orders(record, chosen).after
-    level = student(chance / candidates.size, max(np.unique(record.block).size - 1, 1))
+    level = student(CHANCE / candidates.size, max(np.unique(record.block).size - 1, 1))
     while chosen.size < candidates.size:
         trials = [(at_orders(record, np.union1d(chosen, [k])), k) for k in np.setdiff1d(candidates, chosen).tolist()]
         best, order = min(trials, key=lambda trial: float(trial[0].after.sum()))
@@ -413,8 +394,7 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     else:
         count = int(orders.max() * record.turns) + _BESIDE
         every = np.arange(1, count + 1) / record.turns
-        lines = _projected(record.theta, left, every)
-        between = np.ones(every.size, dtype=bool)
+        lines, between = _projected(record.theta, left, every), np.ones(count, dtype=bool)
     if record.whole and np.array_equal(orders, np.round(orders)):
         power = lines[np.round(orders / every[0]).astype(np.intp) - 1]
     else:
@@ -471,24 +451,20 @@ def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
     whole += _RIDGE * np.diag(np.diag(whole))
     sizes = np.linalg.solve(whole, base.T @ np.stack([record.error, record.measured], axis=1))
     # what is slow is found beside the waves of all stretches: those of one alone could not tell order 1 from it
-    error, measured = (
-        record.error - base[:, :slow] @ sizes[:slow, 0],
-        record.measured - base[:, :slow] @ sizes[:slow, 1],
-    )
+    error, measured = (np.stack([record.error, record.measured], axis=1) - base[:, :slow] @ sizes[:slow]).T
     before, after, left = np.zeros(labels.size), np.zeros(labels.size), np.zeros(error.size)
     gains = np.zeros((labels.size, orders.size))
     squares, right = whole[slow:, slow:], wave.T @ error
-    keep = not record.passed  # of stretches of one pass the offset is that of the run
     for n, label in enumerate(labels.tolist()):
         own = record.block == label
         part = wave[own]
         others = np.linalg.solve(squares - part.T @ part, right - part.T @ error[own])
         rest, raw = error[own] - part @ others, measured[own]
-        rest, raw = (rest, raw) if keep else (rest - rest.mean(), raw - raw.mean())
+        if record.passed:  # of stretches of one pass the offset is that of the run
+            rest, raw = rest - rest.mean(), raw - raw.mean()
         left[own] = rest
         before[n], after[n] = np.mean(raw**2), np.mean(rest**2)
-        each = part * others
-        each = each[:, : orders.size] + each[:, orders.size :]
+        each = (part * others).reshape(len(part), 2, orders.size).sum(axis=1)
         # squared error without each order less that with it
         gains[n] = (2 * (rest @ each) + (each**2).sum(axis=0)) / rest.size
     found = sizes[slow:, 0]

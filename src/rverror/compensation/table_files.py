@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import PathLike, read_text, shown, split_lines, write_text
 from rverror.base.units import ARCSEC
-from rverror.compensation.correction import Correction, only
+from rverror.compensation.correction import FEWEST, Correction
 from rverror.compensation.outcome import Compensation
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
@@ -56,15 +55,17 @@ class CommandTable:
         Commanded output angle, rad, growing.
     forward, reverse : ndarray, shape (n,)
         What is added in each direction, as an angle of the output, rad.
-    periodic : bool
-        Whether it spans a turn and repeats; else the ends hold beyond.
     """
 
     ratio: float
     angle: Array
     forward: Array
     reverse: Array
-    periodic: bool
+
+    @property
+    def periodic(self) -> bool:
+        """Whether it spans a turn and repeats; else the ends hold beyond."""
+        return math.isclose(self.angle[-1] - self.angle[0], _TURN, abs_tol=1e-6)
 
     def at(self, theta: Array, condition: TableCondition) -> Array:
         """What is added at commanded output angles in the direction of a condition, rad, shape (n,)."""
@@ -91,9 +92,6 @@ class WrittenTable:
         What the table leaves of its own waves where its zero slips by a degree, rms, rad.
     waves : float
         Rms of those waves, rad.
-    of_itself : float
-        What is left of waves that are summed at the command and not where the input then stands, at most, rad; none of
-        points, which are solved for that.
     left_out : tuple of float
         Orders that the form cannot hold.
     """
@@ -105,7 +103,6 @@ class WrittenTable:
     between: float
     slipped: float
     waves: float
-    of_itself: float
     left_out: tuple[float, ...]
 
 
@@ -156,36 +153,35 @@ def save_compensation(
     if not made.worth:
         raise InputError(f"{path}: nothing survives on data left out, so no table is written: {made.stays[0]}")
     load = None if torque is None else units.named_core("torque", torque, "torque")
-    correction, left_out = held_by(made.correction, format)
+    correction = made.correction.of_orders(held_by(made.correction, format))
     if not correction.orders.size:
         raise InputError(f"{path}: the {format} table can hold none of the orders; use json, which holds any")
-    forward, reverse = (correction.condition(sense, load) for sense in (1.0, -1.0))
-    points, between = _points(correction, format, [forward, reverse], _BETWEEN * made.after.rms)
+    both = [correction.condition(sense, load) for sense in (1.0, -1.0)]
+    at = both[0].torque
+    points, between = _points(correction, format, both, _BETWEEN * made.after.rms)
     if format == "json":
         text = json.dumps(correction_json(made.correction, made.index), indent=1) + "\n"
     else:
-        table = by_points(correction, forward.torque, points)
-        text = _csv(table, made, forward.torque) if format == "csv" else _linuxcnc(table)
+        table = by_points(correction, at, points)
+        text = _csv(table, made, at) if format == "csv" else _linuxcnc(table)
     write_text(path, text, overwrite=overwrite)
-    sizes = [correction.rms(c) for c in (forward, reverse)]
-    worse = forward if sizes[0] >= sizes[1] else reverse
-    rest = replace(made.correction, table=_orders_of(made.correction.table, left_out))
-    lost = max(rest.rms(c) for c in (forward, reverse))
+    left_out = np.setdiff1d(made.correction.orders, correction.orders)
+    lost = max(made.correction.of_orders(left_out).rms(condition) for condition in both)
+    worse = max(both, key=correction.rms)
     return WrittenTable(
         format=format,
-        torque=None if format == "json" else forward.torque,
+        torque=None if format == "json" else at,
         points=points,
         expected=math.sqrt(made.after.rms**2 + between**2 + lost**2),
         between=between,
         slipped=correction.slipped(math.radians(1), worse),
-        waves=max(sizes),
-        of_itself=0.0 if points else max(correction.of_itself(c) for c in (forward, reverse)),
-        left_out=left_out,
+        waves=correction.rms(worse),
+        left_out=tuple(left_out.tolist()),
     )
 
 
-def held_by(correction: Correction, format: str) -> tuple[Correction, tuple[float, ...]]:
-    """The part of a correction that a format can hold, and the orders that it cannot.
+def held_by(correction: Correction, format: str) -> Array:
+    """Orders of a correction that a format can hold.
 
     Parameters
     ----------
@@ -196,18 +192,13 @@ def held_by(correction: Correction, format: str) -> tuple[Correction, tuple[floa
     -----
     A table by points over a turn has whole orders only; LinuxCNC's 256 points have no more than 63 orders of a turn.
     """
-    held = correction
+    orders = correction.orders
+    low, high = correction.reach or (0.0, _TURN)
     if format != "json" and correction.reach is None:
-        cases = tuple(only(case, case.orders == np.round(case.orders)) for case in held.table.cases)
-        held = replace(held, table=replace(held.table, cases=cases))
+        orders = orders[orders == np.round(orders)]
     if format == "linuxcnc":
-        span = _TURN if held.reach is None else held.reach[1] - held.reach[0]
-        held = held.limited(math.floor((LINUXCNC_POINTS - 1) * _TURN / span))
-    return held, tuple(np.setdiff1d(correction.orders, held.orders).tolist())
-
-
-def _orders_of(table: OrderTable, orders: tuple[float, ...]) -> OrderTable:
-    return replace(table, cases=tuple(only(case, np.isin(case.orders, orders)) for case in table.cases))
+        orders = orders[orders * FEWEST <= math.floor((LINUXCNC_POINTS - 1) * _TURN / (high - low))]
+    return orders
 
 
 def by_points(correction: Correction, torque: float | None, points: int) -> CommandTable:
@@ -215,7 +206,7 @@ def by_points(correction: Correction, torque: float | None, points: int) -> Comm
     low, high = correction.reach or (0.0, _TURN)
     angle = np.linspace(low, high, points)
     forward, reverse = (correction.settled(angle, correction.condition(sense, torque)) for sense in (1.0, -1.0))
-    return CommandTable(correction.ratio, angle, forward, reverse, correction.reach is None)
+    return CommandTable(correction.ratio, angle, forward, reverse)
 
 
 def load_compensation(path: PathLike, ratio: Reducer | Drive | Model | float) -> Correction | CommandTable:
@@ -255,17 +246,15 @@ def load_compensation(path: PathLike, ratio: Reducer | Drive | Model | float) ->
     True
     """
     text, wanted = read_text(path), ratio_of(ratio)
-    if text.lstrip().startswith("{"):
-        found = _from_json(str(path), text)
-        found.check_ratio(wanted, str(path))
-        return found
-    if text.lstrip().startswith("#"):
-        table = _from_csv(str(path), text)
-        if not math.isclose(table.ratio, wanted, rel_tol=1e-6):
-            Correction(table.ratio, OrderTable(cases=())).check_ratio(wanted, str(path))
-        return table
-    rows = [_numbers(str(path), n, line.split()) for n, line in enumerate(split_lines(text), 1) if line.strip()]
-    return _table(str(path), wanted, rows, difference=True)
+    try:
+        found = _read(text.lstrip(), wanted)
+    except (LookupError, TypeError, ValueError) as problem:
+        raise InputError(f"{path}: no compensation table ({problem}); give one of `rverror compensate`") from problem
+    if not math.isclose(found.ratio, wanted, rel_tol=1e-6):
+        raise InputError(
+            f"{path}: made for a ratio of {brief(found.ratio)}, the model's is {brief(wanted)}; make a table for it"
+        )
+    return found
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -277,9 +266,8 @@ def _points(correction: Correction, format: str, conditions: list[TableCondition
         return 0, 0.0
     low, high = correction.reach or (0.0, _TURN)
     turns = (high - low) / _TURN
-    if format == "linuxcnc":
-        points = LINUXCNC_POINTS
-    else:
+    points = LINUXCNC_POINTS
+    if format == "csv":
         points = math.ceil(turns * max(correction.points(c, allowed) for c in conditions)) + 1
     return points, max(correction.between(round((points - 1) / turns), c) for c in conditions)
 
@@ -335,20 +323,29 @@ def correction_json(correction: Correction, index: str = "") -> dict[str, Any]:
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
-def _from_json(path: str, text: str) -> Correction:
-    try:
-        data = json.loads(text)
-        if data["kind"] != _KIND:
-            raise ValueError(f"kind is {data['kind']!r}")
-        cases = tuple(_case(entry) for entry in data["conditions"])
-        reach = data["reach_deg"]
-        return Correction(
-            float(data["ratio"]),
-            OrderTable(path=path, cases=cases, index=data["index"]),
-            None if reach is None else (math.radians(reach[0]), math.radians(reach[1])),
-        )
-    except (ValueError, KeyError, TypeError, IndexError) as problem:
-        raise InputError(f"{path}: no compensation table ({problem}); give one of `rverror compensate`") from problem
+def _read(text: str, ratio: float) -> Correction | CommandTable:
+    """Table of a text; a LinuxCNC table has the ratio that is given, and says where the joint arrives."""
+    if text.startswith("{"):
+        return _from_json(json.loads(text))
+    if text.startswith("#"):
+        return _from_csv(split_lines(text))
+    angle, forward, reverse = _triplets(split_lines(text), None)
+    return CommandTable(ratio, angle, angle - forward, angle - reverse)
+
+
+def _from_json(data: Mapping[str, Any]) -> Correction:
+    _check_kind(data["kind"])
+    low, high = data["reach_deg"] or (None, None)
+    return Correction(
+        float(data["ratio"]),
+        OrderTable(cases=tuple(map(_case, data["conditions"])), index=data["index"]),
+        None if low is None or high is None else (math.radians(low), math.radians(high)),
+    )
+
+
+def _check_kind(kind: str) -> None:
+    if kind != _KIND:
+        raise ValueError(f"it is of kind {shown(kind)}")
 
 
 def _case(entry: Mapping[str, Any]) -> OrderCase:
@@ -366,38 +363,24 @@ def _case(entry: Mapping[str, Any]) -> OrderCase:
     )
 
 
-def _from_csv(path: str, text: str) -> CommandTable:
-    lines = split_lines(text)
+def _from_csv(lines: list[str]) -> CommandTable:
     stated = (line[1:].partition(":") for line in lines if line.startswith("#"))
     head = {key.strip(): value.strip() for key, _, value in stated}
-    body = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if head.get("kind") != _KIND or not body or body[0][1].strip() != _COLUMNS:
-        raise InputError(f"{path}: no compensation table; its header says '# kind: {_KIND}' and then {_COLUMNS}")
-    ratio = _numbers(path, 2, [head.get("ratio", "")])[0]
-    rows = [_numbers(path, n, line.split(",")) for n, line in body[1:]]
-    return _table(path, ratio, rows, difference=False)
+    _check_kind(head["kind"])
+    body = [line for line in lines if not line.startswith("#")]
+    if body[0] != _COLUMNS:
+        raise ValueError(f"its columns are not {_COLUMNS}")
+    ratio = float(head["ratio"])
+    angle, forward, reverse = _triplets(body[1:], ",")
+    return CommandTable(ratio, angle, forward / ratio, reverse / ratio)
 
 
-def _table(path: str, ratio: float, rows: list[list[float]], *, difference: bool) -> CommandTable:
-    """Table of rows in degrees: positions of the output, or what is added to the input."""
-    if len(rows) < 2 or any(len(row) != 3 for row in rows) or any(b[0] <= a[0] for a, b in pairwise(rows)):
-        raise InputError(
-            f"{path}: no compensation table; two or more rows of angle, forward, reverse with growing angles are needed"
-        )
-    angle, forward, reverse = np.radians(rows).T
-    forward, reverse = (angle - one if difference else one / ratio for one in (forward, reverse))
-    periodic = math.isclose(angle[-1] - angle[0], _TURN, abs_tol=1e-6)
-    return CommandTable(ratio, angle, forward, reverse, periodic)
-
-
-def _numbers(path: str, line: int, cells: list[str]) -> list[float]:
-    try:
-        found = [float(cell) for cell in cells]
-    except ValueError as problem:
-        raise InputError(f"{path}: line {line}: {shown(' '.join(cells))} is no row of numbers") from problem
-    if not all(map(math.isfinite, found)):
-        raise InputError(f"{path}: line {line}: a number is not finite; write the table again")
-    return found
+def _triplets(lines: list[str], delimiter: str | None) -> Array:
+    """Angle, forward and reverse of rows in degrees, rad."""
+    rows = np.array([line.split(delimiter) for line in lines if line.strip()], dtype=np.float64)
+    if len(rows) < 2 or rows.shape[1] != 3 or not np.isfinite(rows).all() or np.any(np.diff(rows[:, 0]) <= 0):
+        raise ValueError("it takes two or more rows of angle, forward, reverse, all finite, with growing angles")
+    return np.radians(rows).T
 
 
 def table_told(table: WrittenTable) -> list[str]:
@@ -408,11 +391,6 @@ def table_told(table: WrittenTable) -> list[str]:
         told.append(
             f"table{load} of {table.points} points: straight lines between them leave "
             f"{brief(table.between / ARCSEC, 2)} arcsec rms; {brief(table.expected / ARCSEC, 3)} are expected with it"
-        )
-    if table.of_itself:
-        told.append(
-            f"summed at the command and not where the input then stands, the waves leave "
-            f"{brief(table.of_itself / ARCSEC, 2)} arcsec at most"
         )
     told.append(
         f"a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "

@@ -81,13 +81,11 @@ def compare_runs(
     check_kind("model", model, Model, "give load_model(path)")
     notes.append(_ONCE)
     sessions = (Session(0.0, "before", tuple(before)), Session(1.0, "after", tuple(after)))
-    tell = progress or (lambda text: None)
+    history = history_of(model, "hour", sessions)
     changed: tuple[Changed, ...] = ()
     if isinstance(model.mechanism, Reducer):
-        search, found = searched(model, "hour", sessions, tell)
+        search, found = searched(model, sessions, history, progress or (lambda text: None))
         history, changed = search.unit.history, told(search, found)
-    else:
-        history = history_of(model, "hour", sessions)
     return RunsCompared(
         tuple(map(str, history.amplitudes.conditions)),
         _orders(history),
@@ -120,16 +118,18 @@ def _orders(history: History) -> tuple[OrderChange, ...]:
     chance = np.minimum(tests * (1 + apart / (4 * noise) * _POOLED_ERROR**2) ** (-(_POOLED_ERROR**-2)), 1.0)
     size = math.sqrt(2) * np.sqrt((parts**2).sum(axis=2))
     found = []
-    for order in np.flatnonzero((chance < _LEVEL).any(axis=0)):
-        for number, condition in enumerate(conditions):
-            if chance[number, order] < _LEVEL:
-                was, now = (float(x) for x in size[:, number, order])
-                error = _NORMAL * math.sqrt(2 * float(noise[number, order]))
-                found.append(
-                    OrderChange(
-                        int(amplitudes.orders[1:][order]), str(condition), was, now,
-                        Interval(now, max(now - error, 0.0), now + error),
-                        math.sqrt(2 * float(apart[number, order])), float(chance[number, order]),
-                    )
-                )  # fmt: skip
+    for order, number in zip(*np.nonzero(chance.T < _LEVEL), strict=True):
+        was, now = size[:, number, order].tolist()
+        error = _NORMAL * math.sqrt(2 * noise[number, order])
+        found.append(
+            OrderChange(
+                order=int(amplitudes.orders[1:][order]),
+                condition=str(conditions[number]),
+                before=was,
+                after=now,
+                interval=Interval(now, max(now - error, 0.0), now + error),
+                difference=math.sqrt(2 * apart[number, order]),
+                chance=float(chance[number, order]),
+            )
+        )
     return tuple(sorted(found, key=lambda one: -one.difference))

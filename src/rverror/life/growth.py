@@ -112,24 +112,23 @@ class GrowthSearch:
     Attributes
     ----------
     unit : UnitState
-    mounted : ndarray, shape (d, m)
-        What the mounting of the bench does, differently in each session: directions times standard deviations.
     """
 
     unit: UnitState
-    mounted: Array
 
-    @classmethod
-    def of(cls, unit: UnitState) -> GrowthSearch:
-        """With the mounting's spread from session to session; it may be any where sessions are too few to tell it."""
-        reads = np.array([source(e.key).acts == "reading" for e in unit.parts.effects])
-        columns = unit.history.whitening @ unit.influences[0][:, reads[unit.parts.effect]]
+    @cached_property
+    def mounted(self) -> tuple[Array, Array]:
+        """Directions in which a mounting of the bench is read, (d, m), and their variance over sessions, over noise.
+
+        It may be any where sessions are too few to tell it.
+        """
+        reads = np.array([source(e.key).acts == "reading" for e in self.unit.parts.effects])
+        columns = self.unit.history.whitening @ self.unit.influences[0][:, reads[self.unit.parts.effect]]
         basis, size, _ = np.linalg.svd(columns, full_matrices=False)
         basis = basis[:, size > size.max(initial=0.0) * 1e-6]
-        spread = np.maximum(repeated(unit.history.values @ basis, unit.history.at) - 1.0, 0.0)
-        if len(unit.history.at) < FEW:
-            spread = np.full(basis.shape[1], _ANY)
-        return cls(unit, basis * np.sqrt(spread))
+        if len(self.at) < FEW:
+            return basis, np.full(basis.shape[1], _ANY)
+        return basis, np.maximum(repeated(self.unit.history.values @ basis, self.at) - 1.0, 0.0)
 
     # --- what may change ----------------------------------------------------------------------------------------------
 
@@ -203,10 +202,8 @@ class GrowthSearch:
 
     def weighted(self, rows: Array) -> Array:
         """Rows times a root of the inverse covariance of a session, shape (..., d)."""
-        if not self.mounted.any():
-            return rows
-        basis, size, _ = np.linalg.svd(self.mounted, full_matrices=False)
-        return np.asarray(rows - (rows @ basis) * (1 - 1 / np.sqrt(1 + size**2)) @ basis.T)
+        basis, variance = self.mounted
+        return np.asarray(rows - (rows @ basis) * (1 - 1 / np.sqrt(1 + variance)) @ basis.T)
 
     # --- the search ---------------------------------------------------------------------------------------------------
 
@@ -273,10 +270,15 @@ class GrowthSearch:
         if term.course.kind == "step":
             return now
         around = [c for c in courses_of(self.at, fine=True) if c.kind == term.course.kind]
-        rough = [self.fitted((*now.terms[:-1], replace(term, course=c)), now, at_load=False) for c in around]
-        best = min(rough, key=lambda one: one.score)
+        best = min(self._over(now, len(now.terms) - 1, around), key=lambda one: one.score)
         other = self.fitted(best.terms, now)
         return other if other.score < now.score else now
+
+    def _over(self, now: Fitted, number: int, courses: Sequence[Course]) -> list[Fitted]:
+        """The set with other courses of one cause."""
+        before, term, after = now.terms[:number], now.terms[number], now.terms[number + 1 :]
+        sets = [(*before, replace(term, course=course), *after) for course in courses]
+        return [self.fitted(terms, now, at_load=False) for terms in sets]
 
     def _promises(self, beside: Fitted) -> tuple[Array, npt.NDArray[np.intp]]:
         """Score of each cause beside a set by a linear step, and the course with which it has it."""
@@ -335,10 +337,8 @@ class GrowthSearch:
         way, _ = np.linalg.qr(both.T)  # of the sessions' contrasts those that the causes reach
         reach, bent_reach = way.T @ waves.T, way.T @ bends.T
         made = np.einsum("wk,dk->wdk", reach[:, of], columns)
-        missed, nodes = np.zeros((len(chosen), d)), dict[int, AtLoad]()
+        nodes = {} if near is None else {t.cause: n for t, n in zip(near.terms, near.nodes, strict=False)}
         variance = np.ones((way.shape[1], d))
-        if near is not None:
-            nodes = {t.cause: n for t, n in zip(near.terms, near.nodes, strict=True)}
         for _ in range(_REFITS):
             weighted = made / variance[:, :, None]
             normal = np.einsum("wdk,wdl->kl", weighted, made, optimize=True)
@@ -450,17 +450,12 @@ class GrowthSearch:
 
     def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
         """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""
-        term = now.terms[number]
-        step = term.course.kind == "step"
-        found = []
-        for course in courses_of(self.at, fine=True):
-            if (course.kind == "step") == step:
-                terms = (*now.terms[:number], replace(term, course=course), *now.terms[number + 1 :])
-                found.append(self.fitted(terms, now, at_load=False))
-        lowest = min(one.score for one in found)
-        weights = np.exp(-0.5 * np.array([one.score - lowest for one in found]))
+        step = now.terms[number].course.kind == "step"
+        found = self._over(now, number, [c for c in courses_of(self.at, fine=True) if (c.kind == "step") == step])
+        scores = np.array([one.score for one in found])
+        weights = np.exp(-0.5 * (scores - scores.min()))
         weights /= weights.sum()
-        return [(float(w), one) for w, one in zip(weights, found, strict=True) if w > 1e-4]
+        return [(w, one) for w, one in zip(weights.tolist(), found, strict=True) if w > 1e-4]
 
 
 def _half(known: AtLoad | None, size: int) -> Array:

@@ -13,7 +13,6 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.numbers import count_of
 from rverror.geartrain.mechanism import Reducer
-from rverror.life.courses import Course
 from rverror.life.growth import Fitted, GrowthSearch
 from rverror.life.result import Changed, Grown, Remaining, Trend
 from rverror.life.sessions import History, Session, history_of, sessions_of
@@ -74,8 +73,9 @@ def trend(
     unit, sessions = sessions_of(runs)
     if len(sessions) < 3:
         raise InputError(f"runs: {count_of(len(sessions), 'session')}; a trend takes 3 or more, two are compared")
-    _check_limit(limit)
-    search, found = searched(model, unit, sessions, tell, limit)
+    history = history_of(model, unit, sessions)
+    _check_limit(limit, history)
+    search, found = searched(model, sessions, history, tell)
     history = search.unit.history
     changed = told(search, found)
     waves = history.amplitudes.waves(history.amplitudes.values, _WAVES)
@@ -88,29 +88,34 @@ def trend(
     )  # fmt: skip
 
 
-def searched(
-    model: Model, unit: str, sessions: Sequence[Session], tell: Callable[[str], None], limit: Limit | None = None
-) -> tuple[GrowthSearch, Fitted]:
-    """Causes of the changes between sessions, with the noise that they leave; refuses a limit that runs do not tell."""
-    tell(f"{count_of(len(sessions), 'session')}: amplitudes of orders")
-    history = history_of(model, unit, sessions)
-    if limit is not None and limit.quantity == "lost_motion" and not history.lost_motion:
+def _check_limit(limit: Limit | None, history: History) -> None:
+    if limit is None:
+        return
+    check_kind("limit", limit, Limit, "give limit('lost_motion', '90 arcsec')")
+    if limit.quantity not in ("transmission_error", "lost_motion") or limit.value is None:
+        raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
+    if limit.quantity == "lost_motion" and not history.lost_motion:
         raise InputError(
             "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
         )
-    tell("the unit at the load")
+
+
+def searched(
+    model: Model, sessions: Sequence[Session], history: History, tell: Callable[[str], None]
+) -> tuple[GrowthSearch, Fitted]:
+    """Causes of the changes between sessions, with the noise that they leave."""
+    tell(f"{count_of(len(sessions), 'session')}: the unit at the load")
     state = unit_state(model, history)
     for number in range(_ROUNDS):
         tell("causes that change")
-        search = GrowthSearch.of(state)
+        search = GrowthSearch(state)
         found = search.found()
         if not found.terms or number == _ROUNDS - 1:
             break
-        again = history_of(model, unit, sessions, made_by(search, found))
+        again = history_of(model, history.unit, sessions, made_by(search, found))
         if np.median(again.amplitudes.noise / history.amplitudes.noise) > _SAME:
             break
-        history = again
-        state = replace(state, history=history)
+        state = replace(state, history=again)
     return search, found
 
 
@@ -147,14 +152,13 @@ def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
 
 def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str, dimension: str) -> Grown:
     """A parameter of a cause, over its possible courses."""
-    sizes = [(weight, float(one.sizes[number][k]), math.sqrt(_covariance(one, number)[k, k])) for weight, one in ways]
-    rates = [one.terms[number].course.rate for _, one in ways]
-    return Grown(
-        name,
-        dimension,
-        _mixed(sizes),
-        _mixed([(weight, rate * size, rate * error) for rate, (weight, size, error) in zip(rates, sizes, strict=True)]),
-    )
+    sizes, rates = [], []
+    for weight, one in ways:
+        size, error = float(one.sizes[number][k]), math.sqrt(_covariance(one, number)[k, k])
+        rate = one.terms[number].course.rate
+        sizes.append((weight, size, error))
+        rates.append((weight, rate * size, rate * error))
+    return Grown(name, dimension, _mixed(sizes), _mixed(rates))
 
 
 def _covariance(found: Fitted, number: int) -> Array:
@@ -166,16 +170,16 @@ def _covariance(found: Fitted, number: int) -> Array:
 def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
     """Mean and 95 % interval of a mixture of normal distributions: weight, mean, standard deviation of each."""
     weight, mean, error = (np.array(column) for column in zip(*ways, strict=True))
-    low, high = float((mean - 6 * error).min()), float((mean + 6 * error).max())
+    middle = float(weight @ mean)
     if not error.any():
         order = np.argsort(mean)
         share = np.cumsum(weight[order])
-        ends = mean[order][np.minimum(np.searchsorted(share, [0.025, 0.975]), len(mean) - 1)]
-        return Interval(float(weight @ mean), float(ends[0]), float(ends[1]))
-    at = np.linspace(low, high, 4001)
-    below = (scipy.special.ndtr((at[:, None] - mean) / np.maximum(error, 1e-300)) * weight).sum(axis=1)
-    ends = np.interp([0.025, 0.975], below, at)
-    return Interval(float(weight @ mean), float(ends[0]), float(ends[1]))
+        low, high = mean[order][np.minimum(np.searchsorted(share, [0.025, 0.975]), len(mean) - 1)]
+    else:
+        at = np.linspace((mean - 6 * error).min(), (mean + 6 * error).max(), 4001)
+        below = scipy.special.ndtr((at[:, None] - mean) / np.maximum(error, 1e-300)) @ weight
+        low, high = np.interp([0.025, 0.975], below, at)
+    return Interval(middle, float(low), float(high))
 
 
 def _lost_motions(history: History, made: Array) -> tuple[Array, Array]:
@@ -194,55 +198,36 @@ def _chance(search: GrowthSearch, found: Fitted) -> float:
     return float(scipy.special.chdtrc(freedom, float(np.sum(found.left**2 / (1 + found.missed)))))
 
 
-def _check_limit(limit: Limit | None) -> None:
-    if limit is None:
-        return
-    check_kind("limit", limit, Limit, "give limit('lost_motion', '90 arcsec')")
-    if limit.quantity not in ("transmission_error", "lost_motion") or limit.value is None:
-        raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
-
-
 def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) -> Remaining:
     """Time until a limit is met no more, by draws of what is known of the causes."""
     assert limit.value is not None
     history = search.unit.history
     start = history.amplitudes.values.mean(axis=0) + made[-1] - made.mean(axis=0)
     now = float(_quantity(history, start[None], limit)[0])
-    ways = _ways(search, found)
-    if not ways:
+    growing = [number for number, term in enumerate(found.terms) if term.course.kind != "step"]
+    if not growing:
         return Remaining(limit.quantity, limit.value, now, None)
+    influence = search.unit.influences.mean(axis=0)
+    columns = [influence @ search.components[:, search.places[found.terms[number].cause]] for number in growing]
+    ways = [search.ways(found, number) for number in growing]
     span = float(history.at[-1] - history.at[0])
     ahead = np.concatenate([[0.0], np.geomspace(1e-3, _FURTHEST, _TIMES)]) * span
     random = np.random.default_rng(0)  # the same draws each time: a result is not a matter of luck
     left = []
     for _ in range(_DRAWS):
         change = np.zeros((len(ahead), history.amplitudes.values.shape[1]))
-        for columns, options, weights in ways:
-            course, size, error = options[random.choice(len(options), p=weights)]
-            drawn = size + error @ random.standard_normal(len(size))
-            more = course.grown(history.at[-1] + ahead) - 1.0
-            change += more[:, None] * (columns @ drawn)
+        for number, column, options in zip(growing, columns, ways, strict=True):
+            weights = np.array([weight for weight, _ in options])
+            one = options[random.choice(len(options), p=weights / weights.sum())][1]
+            root = np.linalg.cholesky(_covariance(one, number))
+            size = one.sizes[number] + root @ random.standard_normal(len(root))
+            more = one.terms[number].course.grown(history.at[-1] + ahead) - 1.0
+            change += more[:, None] * (column @ size)
         over = np.flatnonzero(_quantity(history, start + change, limit) > limit.value)
         left.append(math.inf if not over.size else float(ahead[over[0]]))
     low, middle, high = (float(np.quantile(left, q, method="inverted_cdf")) for q in (0.025, 0.5, 0.975))
     time = None if math.isinf(low) else Interval(middle, low, high)
     return Remaining(limit.quantity, limit.value, now, time)
-
-
-def _ways(search: GrowthSearch, found: Fitted) -> list[tuple[Array, list[tuple[Course, Array, Array]], Array]]:
-    """Of each cause that grows what it does to amplitudes, and its courses with sizes and roots of covariances."""
-    result = list[tuple[Array, list[tuple[Course, Array, Array]], Array]]()
-    for number, term in enumerate(found.terms):
-        if term.course.kind != "step":
-            columns = search.unit.influences.mean(axis=0) @ search.components[:, search.places[term.cause]]
-            ways = search.ways(found, number)
-            options = [
-                (one.terms[number].course, one.sizes[number], np.asarray(np.linalg.cholesky(_covariance(one, number))))
-                for _, one in ways
-            ]
-            weights = np.array([weight for weight, _ in ways])
-            result.append((columns, options, weights / weights.sum()))
-    return result
 
 
 def _quantity(history: History, amplitudes: Array, limit: Limit) -> Array:

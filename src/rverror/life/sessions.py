@@ -6,7 +6,7 @@ Page ``theory/trend.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -18,16 +18,15 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import shown
-from rverror.lots.amplitudes import Amplitudes, LotUnit, joined_units, split_unit
+from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, noise_about, split_unit
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
-#: Header keys that say when a run was measured, the first that all runs have counts.
-CLOCKS = ("hours", "cycles", "date")
-_NEAR, _SHARE = 16, 1.6  # orders to either side at least, and a factor, within which noise is alike
+#: Header keys that say when a run was measured, with an example; the first that all runs have counts.
+CLOCKS = {"hours": "120", "cycles": "2e5", "date": "2026-03-01"}
+_NEAR = 16  # orders to either side, at least, whose noise is alike
 # steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
 _POOLED = 150
-_QUARTER = 0.25  # of the powers about an order: what few orders and few sessions have, does not reach it
 _MEDIAN = 0.4549  # of a chi-square of one degree of freedom
 #: Sessions of which fewer do not tell how well a zero or a mounting repeats.
 FEW = 5
@@ -91,15 +90,14 @@ def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
             f"{odd or 'runs'}: the header does not say when it was measured; give all runs a line "
             "'# hours: 120', '# cycles: 2e5' or '# date: 2026-03-01'"
         )
-    times = [_time(run, clock, head[clock]) for run, head in zip(given, heads, strict=True)]
-    first = min(times) if clock == "date" else 0.0
-    found: dict[float, list[int]] = {}
-    for number, time in enumerate(times):
-        found.setdefault(time, []).append(number)
-    sessions = tuple(
-        Session(time - first, heads[some[0]][clock], tuple(given[number] for number in some))
-        for time, some in sorted(found.items())
-    )
+    found: dict[float, list[Run]] = {}
+    labels: dict[float, str] = {}
+    for run, head in zip(given, heads, strict=True):
+        time = _time(run, clock, head[clock])
+        found.setdefault(time, []).append(run)
+        labels.setdefault(time, head[clock])
+    first = min(found) if clock == "date" else 0.0
+    sessions = tuple(Session(time - first, labels[time], tuple(found[time])) for time in sorted(found))
     return "cycle" if clock == "cycles" else "hour", sessions
 
 
@@ -108,18 +106,17 @@ def _time(run: Run, clock: str, text: str) -> float:
     try:
         if clock == "date":
             when = datetime.fromisoformat(text)
-            return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp() / 3600
-        try:
-            time = float(text)
-        except ValueError:
-            if clock == "cycles":
-                raise
+            time = (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp() / 3600
+        elif clock == "hours" and any(letter.isalpha() for letter in text.lower().replace("e", "")):
             time = units.to_core(text, "time") / 3600
+        else:
+            time = float(text)
+        if not 0 <= time < math.inf:
+            raise ValueError("must be 0 or more")
     except ValueError as error:
-        example = {"hours": "120", "cycles": "2e5", "date": "2026-03-01"}[clock]
-        raise InputError(f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read; write '{example}'") from error
-    if not 0 <= time < math.inf:
-        raise InputError(f"{run.path or 'a run'}: {clock} = {shown(text)}: must be 0 or more")
+        raise InputError(
+            f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read ({error}); write '{CLOCKS[clock]}'"
+        ) from error
     return time
 
 
@@ -198,22 +195,19 @@ def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Arr
     read = [split_unit(model, LotUnit(one.label, one.runs), noun="session") for one in sessions]
     joined = joined_units(read, least=2, noun="session")
     joined.check_marked("session")
-    kept = {serial: number for number, serial in enumerate(joined.serials)}
-    chosen = [(one, part) for one, part in zip(sessions, read, strict=True) if one.label in kept]
+    chosen = [(one, part) for one, part in zip(sessions, read, strict=True) if one.label in joined.serials]
     zeros = np.array([[part.offsets[c] for c in joined.conditions] for _, part in chosen])
     amplitudes = _with_offsets(joined, zeros)
     changed = amplitudes.values - (0.0 if fitted is None else fitted)
     at = np.array([one.at for one, _ in chosen])
-    noise = _noise(bumps(changed, at), len(amplitudes.conditions))
-    amplitudes = replace(amplitudes, noise=noise)
+    amplitudes = replace(amplitudes, noise=_noise(bumps(changed, at), len(amplitudes.conditions)))
     contrasts, lost = _contrasts(joined, [one for one, _ in chosen])
-    rows = np.concatenate([_waves(amplitudes), contrasts])
-    variance = rows**2 @ noise
-    own = len(contrasts)
-    if own:
-        variance[-own:] = np.maximum(variance[-own:], repeated(changed @ contrasts.T, at))
-    first = len(rows) - own
-    return History(unit, at, amplitudes, rows, variance, tuple(first + number for number in lost))
+    waves = np.eye(amplitudes.noise.size)[np.tile(amplitudes.orders > 0, 2 * len(amplitudes.conditions))]
+    variance = np.concatenate([waves, contrasts]) ** 2 @ amplitudes.noise
+    first = len(waves)
+    variance[first:] = np.maximum(variance[first:], repeated(changed @ contrasts.T, at))
+    lost_motion = tuple(first + number for number in lost)
+    return History(unit, at, amplitudes, np.concatenate([waves, contrasts]), variance, lost_motion)
 
 
 def bumps(values: Array, at: Array) -> Array:
@@ -282,22 +276,10 @@ def _noise(off: Array, conditions: int) -> Array:
     About an order the lower quartile of the powers, over sessions and orders, over what it is of noise: what one
     session or a few orders add does not reach it.
     """
-    parts = off.reshape(len(off), conditions, 2, -1)
-    power = (parts**2).mean(axis=2)  # of noise: its variance times an exponential of mean 1
-    count = power.shape[-1]
-    wide = max(_NEAR, -(-_POOLED // (2 * len(power))))
-    order, found = np.arange(count), np.empty((conditions, count))
-    for k in range(count):
-        near = (order >= min(k / _SHARE, k - wide)) & (order <= max(k * _SHARE, k + wide)) & (order > 0)
-        found[:, k] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / -math.log1p(-_QUARTER)
+    power = (off.reshape(len(off), conditions, 2, -1) ** 2).mean(axis=2)  # its variance times an exponential of mean 1
+    found = noise_about(power, np.arange(power.shape[2]), 2, max(_NEAR, -(-_POOLED // (2 * len(power)))))
     found[:, 0] *= 2  # order 0 is the offset times the root of two
     return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
-
-
-def _waves(amplitudes: Amplitudes) -> Array:
-    """Rows that take the orders from 1 up."""
-    kept = np.tile(amplitudes.orders > 0, 2 * len(amplitudes.conditions))
-    return np.asarray(np.eye(kept.size)[kept])
 
 
 def _contrasts(joined: Amplitudes, sessions: Sequence[Session]) -> tuple[Array, list[int]]:
@@ -305,38 +287,37 @@ def _contrasts(joined: Amplitudes, sessions: Sequence[Session]) -> tuple[Array, 
 
     Of a torque in both directions the difference; of several torques each with the mean of those before it.
     """
-    count = 1 + joined.orders.size
-    places = np.arange(len(joined.conditions)) * 2 * count
-    zeros = [tuple(_zero(one, c.direction, c.torque) for one in sessions) for c in joined.conditions]
+    count, conditions = 1 + joined.orders.size, joined.conditions
+    zeros = [tuple(_zero(one, condition) for one in sessions) for condition in conditions]
+
+    def of_offsets(some: Mapping[int, float]) -> Array:
+        """Row that takes the offsets of some conditions, each so many times."""
+        row = np.zeros(2 * count * len(conditions))
+        for number, times in some.items():
+            row[2 * count * number] = times / math.sqrt(2)
+        return row
+
     rows, lost = list[Array](), list[int]()
     for label in dict.fromkeys(zeros):
-        if not all(label):
-            continue
         means = list[Array]()
-        for torque in dict.fromkeys(c.torque for c in joined.conditions):
-            some = [(places[n], c) for n, c in enumerate(joined.conditions) if zeros[n] == label and c.torque == torque]
-            row = np.zeros(2 * count * len(places))
-            for place, _ in some:
-                row[place] = 1 / (len(some) * math.sqrt(2))
+        for torque in dict.fromkeys(c.torque for c in conditions):
+            some = [n for n, c in enumerate(conditions) if zeros[n] == label and c.torque == torque]
+            if not all(label) or not some:
+                continue
             if len(some) == 2:
-                way = row.copy()
-                for place, condition in some:
-                    way[place] = condition.direction / math.sqrt(2)
                 lost.append(len(rows))
-                rows.append(way)
-            if means and some:
-                rows.append(row - np.mean(means, axis=0))
-            if some:
-                means.append(row)
-    return np.array(rows).reshape(len(rows), 2 * count * len(places)), lost
+                rows.append(of_offsets({n: conditions[n].direction for n in some}))
+            mean = of_offsets(dict.fromkeys(some, 1 / len(some)))
+            if means:
+                rows.append(mean - np.mean(means, axis=0))
+            means.append(mean)
+    return np.array(rows).reshape(len(rows), 2 * count * len(conditions)), lost
 
 
-def _zero(session: Session, direction: float, torque: float) -> str:
+def _zero(session: Session, condition: Condition) -> str:
     """Label of the zero of a session's run; empty where it has one of its own."""
-    for run in session.runs:
-        if run.direction[0] == direction and abs(float(run.torque or 0.0)) == torque:
-            return run.index
-    return ""
+    own = (run.index for run in session.runs if condition_of(run) == condition)
+    return next(own, "")
 
 
 def run_files(paths: Sequence[str], suffixes: tuple[str, ...]) -> list[str]:

@@ -6,7 +6,7 @@ from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
     from rverror.lots.as_made import tolerances_as_made as tolerances_as_made
-    from rverror.lots.compressed import compress_lot as compress_lot, load_amplitudes as load_amplitudes
+    from rverror.lots.compressed import lot_inputs as lot_inputs
     from rverror.lots.folder import lot_units as lot_units
     from rverror.lots.made import lot as lot
     from rverror.lots.of_drives import DriveLot as DriveLot, lot_of_drives as lot_of_drives

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,7 +18,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError, check_each
-from rverror.base.numbers import count_of
+from rverror.base.numbers import count_of, way
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -64,8 +64,7 @@ class Condition:
 
     def __str__(self) -> str:
         """For people."""
-        load = f" at {self.torque / 1e3:.4g} N*m" if self.torque else ""
-        return f"{'forward' if self.direction > 0 else 'reverse'}{load}"
+        return way(self.direction) + (f" at {self.torque / 1e3:.4g} N*m" if self.torque else "")
 
 
 @dataclass(frozen=True)
@@ -198,14 +197,13 @@ class UnitAmplitudes:
         return np.asarray(np.concatenate(chosen, axis=None), dtype=np.float64)
 
 
-def amplitudes_of(model: Model, units: Iterable[LotUnit]) -> Amplitudes:
-    """Amplitudes of the error that the model leaves of each unit's runs.
+def amplitudes_of(model: Model, units: Sequence[LotUnit] | Amplitudes) -> Amplitudes:
+    """Amplitudes of the error that the model leaves of each unit's runs; what are amplitudes already stays.
 
     Parameters
     ----------
     model : Model
-    units : iterable of LotUnit
-        Taken one by one; of a unit no sample is kept.
+    units : sequence of LotUnit, or Amplitudes
 
     Returns
     -------
@@ -214,25 +212,12 @@ def amplitudes_of(model: Model, units: Iterable[LotUnit]) -> Amplitudes:
     Raises
     ------
     InputError
-        If fewer than three units are left, a serial number stands twice, or runs do not fit the model.
-    """
-    return joined_units([split_unit(model, unit) for unit in units])
-
-
-def amplitudes_given(model: Model, units: Sequence[LotUnit] | Amplitudes) -> Amplitudes:
-    """Amplitudes as they are, or those of a list of units.
-
-    Raises
-    ------
-    InputError
-        As `amplitudes_of`, or if it is neither.
+        If there are fewer than three units, a serial number stands twice, or runs do not fit the model.
     """
     if isinstance(units, Amplitudes):
         return units
     check_each("units", units, LotUnit, "give a list of units, such as lot_units(folder, model)[0]")
-    if not units:
-        raise InputError("units: there is none; give three or more")
-    return amplitudes_of(model, units)
+    return joined_units([split_unit(model, unit) for unit in units])
 
 
 def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: str = "unit") -> Amplitudes:
@@ -275,9 +260,7 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
             f"{count_of(len(whole), noun)} with a run {wanted}: it takes {least} or more; measure more {noun}s"
         )
     count = min(one.count for one in whole)
-    rows = np.empty((len(whole), 2 * count * len(conditions)))
-    for row, one in zip(rows, whole, strict=True):
-        row[:] = one.row(conditions, count)
+    rows = np.array([one.row(conditions, count) for one in whole])
     names = sorted({name for unit in read for name in unit.labels})
     labels = {name: tuple(one.labels.get(name, "") for one in whole) for name in names}
     return Amplitudes(
@@ -332,14 +315,13 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
         )
     for run in unit.runs:
         run.check_effects(model, name)
-        senses = set(run.direction.tolist())
-        if len(senses) > 1:
+        if len(set(run.direction.tolist())) > 1:
             raise InputError(f"{name}: a run turns both ways; give one file for each direction")
         if run.load_column is not None:
             raise InputError(f"{name}: a run's torque changes over the turn; {noun}s are compared under one torque")
         if not run.torque and isinstance(model.mechanism, Reducer):
             raise InputError(f"{name}: a run states no torque; add a line '# output_torque: 20 N*m' to its head")
-        condition = Condition(senses.pop(), abs(float(run.torque or 0.0)))
+        condition = condition_of(run)
         theta, error, travel, _ = whole_turns(run.nominal_angle(model), run.error(model))
         step, longest = travel / theta.size, float(np.diff(theta).max())
         if travel < _TURN * (1 - 1e-9):
@@ -356,6 +338,11 @@ def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplit
     values = {condition: waves for condition, (_, waves) in fits.items()}
     offsets = {condition: offset for condition, (offset, _) in fits.items()}
     return UnitAmplitudes(unit.serial, unit.labels, values, samples, tuple(notes), offsets, turned != {True})
+
+
+def condition_of(run: Run) -> Condition:
+    """Condition of a run that turns one way."""
+    return Condition(float(run.direction[0]), abs(float(run.torque or 0.0)))
 
 
 def _orders(samples: int) -> int:
@@ -402,14 +389,36 @@ def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
 
     Parts make few of the orders of a range; over all units a noise of the bench makes them alike.
     """
-    power = variance_of(values, marked=marked).reshape(conditions, 2, -1).mean(axis=1)
-    freedom = 2 * (len(values) - marked)
-    below = chi_square(1 - _QUARTER, freedom) / freedom
-    order, found = np.arange(1, power.shape[1] + 1), np.empty_like(power)
-    for at, k in enumerate(order):
-        near = (order >= min(k / _WIDE, k - _LEAST_WIDE)) & (order <= max(k * _WIDE, k + _LEAST_WIDE))
-        found[:, at] = np.quantile(power[:, near], _QUARTER, axis=1) / below
-    return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
+    power = variance_of(values, marked=marked).reshape(1, conditions, 2, -1).mean(axis=2)
+    orders = np.arange(1, power.shape[2] + 1)
+    return np.tile(noise_about(power, orders, 2 * (len(values) - marked))[:, None], (1, 2, 1)).reshape(-1)
+
+
+def noise_about(power: Array, orders: npt.NDArray[np.intp], freedom: int, wide: int = _LEAST_WIDE) -> Array:
+    """What noise alone makes about each order: the lower quartile of powers there, over that of a chi-square.
+
+    Few strong orders and few series do not reach it.
+
+    Parameters
+    ----------
+    power : ndarray, shape (series, conditions, k)
+        Mean squares.
+    orders : ndarray of int, shape (k,)
+        Order 0 is left out.
+    freedom : int
+        Of each mean square.
+    wide : int
+        Orders to either side at least; above, those from 1 / 1.6 to 1.6 times the order.
+
+    Returns
+    -------
+    ndarray, shape (conditions, k)
+    """
+    below, found = chi_square(1 - _QUARTER, freedom) / freedom, np.empty(power.shape[1:])
+    for at, k in enumerate(orders):
+        near = (orders >= min(k / _WIDE, k - wide)) & (orders <= max(k * _WIDE, k + wide)) & (orders > 0)
+        found[:, at] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / below
+    return found
 
 
 def _common(read: Sequence[UnitAmplitudes]) -> tuple[Condition, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -16,7 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.chance import chi_square, student
+from rverror.base.chance import student
 from rverror.base.text import describe
 from rverror.geartrain.source import IndexValue
 from rverror.lots.processes import UnitParts
@@ -35,7 +35,6 @@ _SHUFFLES, _COURSE_SHUFFLES = 499, 199  # the tail is fitted to a fifth of them:
 _ROWS = 64  # contrasts of these together: as many as a product of matrices takes to be fast
 _TAIL = 0.2  # of what chance makes, to which its tail is fitted
 _DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
-_POWER = 0.95  # with which what is at its detection limit is found
 _EDGE, _POSITIONS = 0.05, 60  # of the units at either end, where a mean is that of few; and positions between
 
 
@@ -100,18 +99,10 @@ def candidates_of(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]
         Of what shows; each parameter by itself, and then all of them.
     """
     found, first = list[ShiftSource](), 0
-    for at, process in enumerate(parts.processes):
-        effects = range(first, first + len(process.instances))
-        first = effects.stop
+    for process in parts.processes:
         for some in _alike(process.instances):
-            chosen = [effects[number] for number in some]
-            common = _common([process.instances[number] for number in some])
-            names = [p.name for p in process.parameters]
-            columns = sum(influence[:, parts.effect == effect] for effect in chosen)
-            found += directions(
-                ShiftSource(process.key, common, tuple(names), process.parameters[0].dimension, np.asarray(columns)),
-                parts.processes[at].plausible,
-            )
+            found += _sources(influence, parts, [first + number for number in some])
+        first += len(process.instances)
     return tuple(found)
 
 
@@ -127,27 +118,21 @@ def single_parts(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
     -------
     tuple of ShiftSource
     """
-    found = list[ShiftSource]()
-    for number, effect in enumerate(parts.effects):
-        own = np.flatnonzero(parts.effect == number)
-        some = [parts.parameters[i] for i in own]
-        whole = ShiftSource(
-            effect.key, effect.indices, tuple(p.name for p in some), some[0].dimension, influence[:, own]
-        )  # fmt: skip
-        found += directions(whole, float(parts.plausible[own[0]]))
-    return tuple(found)
+    return tuple(one for number in range(len(parts.effects)) for one in _sources(influence, parts, [number]))
 
 
-def directions(whole: ShiftSource, plausible: float) -> list[ShiftSource]:
-    """Each parameter of a candidate by itself, then all of them; those that show where a workshop's spread does."""
-    shown = np.flatnonzero(np.linalg.norm(whole.columns, axis=0) * plausible > _SILENT)
-    kept = [*([k] for k in shown), *([list(shown)] if len(shown) > 1 else [])]
-    return [
-        ShiftSource(
-            whole.key, whole.indices, tuple(whole.parameters[k] for k in some), whole.dimension, whole.columns[:, some]
-        )
-        for some in kept
-    ]
+def _sources(influence: Array, parts: UnitParts, effects: Sequence[int]) -> list[ShiftSource]:
+    """Effects of one process that move alike, by each parameter and by all, where a workshop's spread shows."""
+    places = np.array([np.flatnonzero(parts.effect == number) for number in effects])
+    parameters = [parts.parameters[place] for place in places[0]]
+    columns = influence[:, places].sum(axis=1)
+    shown = np.flatnonzero(np.linalg.norm(columns, axis=0) * parts.plausible[places[0, 0]] > _SILENT).tolist()
+    found = []
+    for some in (*([k] for k in shown), *([shown] if len(shown) > 1 else [])):
+        names = tuple(parameters[k].name for k in some)
+        key, common = parts.effects[effects[0]].key, _common([parts.effects[number].indices for number in effects])
+        found.append(ShiftSource(key, common, names, parameters[0].dimension, columns[:, some]))
+    return found
 
 
 def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...]]:
@@ -287,56 +272,26 @@ def surprise(chi: Array, freedom: float) -> Array:
     return np.asarray(np.where(chi < _ASYMPTOTIC, near, far))
 
 
-def detection_limit(information: Array, *, tests: int, level: float) -> Array:
-    """Size that is found in 95 %, where any of many tests finds something that is not there with a chance `level`.
-
-    The first-order limit of normal amplitudes: members whose contacts open have longer tails.
+def tail_chance(seen: Array, value: float) -> float:
+    """How often chance exceeds a value: counted, and beyond what was seen an exponential fitted to the largest.
 
     Parameters
     ----------
-    information : ndarray
-        Of each size, one over its variance.
-    tests : int
-    level : float
+    seen : ndarray
+        What chance made.
+    value : float
 
     Returns
     -------
-    ndarray
-        Infinite where there is no information.
-
-    Examples
-    --------
-    >>> detection_limit(np.array([1.0]), tests=1, level=0.05).round(3)  # 1.96 + 1.645 standard errors
-    array([3.605])
+    float
+        With what the fit does not know of the exponential's mean.
     """
-    far = math.sqrt(chi_square(level / tests, 1)) + float(scipy.special.ndtri(_POWER))
-    with np.errstate(divide="ignore"):
-        return np.asarray(far / np.sqrt(information))
-
-
-@dataclass(frozen=True)
-class Tail:
-    """How often chance exceeds a value: counted, and beyond what was seen an exponential fitted to the largest.
-
-    Attributes
-    ----------
-    seen : ndarray
-        What chance made.
-    share : float
-        Of them that the exponential is fitted to.
-    """
-
-    seen: Array
-    share: float = _TAIL
-
-    def chance(self, value: float) -> float:
-        """Chance of a value, with what the fit does not know of the exponential's mean."""
-        start = float(np.quantile(self.seen, 1 - self.share))
-        if value <= start:
-            return float((1 + np.sum(self.seen >= value)) / (1 + len(self.seen)))
-        beyond = self.seen[self.seen > start] - start
-        total = max(float(beyond.sum()), 1e-9)  # where all are the same, whatever is beyond is no chance
-        return float(self.share * (1 + (value - start) / total) ** -len(beyond))
+    start = float(np.quantile(seen, 1 - _TAIL))
+    if value <= start:
+        return float((1 + np.sum(seen >= value)) / (1 + len(seen)))
+    beyond = seen[seen > start] - start
+    total = max(float(beyond.sum()), 1e-9)  # where all are the same, whatever is beyond is no chance
+    return float(_TAIL * (1 + (value - start) / total) ** -len(beyond))
 
 
 # --- groups -----------------------------------------------------------------------------------------------------------
@@ -397,23 +352,15 @@ def group_differences(
     contrasts = np.array([group.contrast for group in groups])
     rng, left, found = np.random.default_rng(seed), np.array(values, dtype=np.float64), list[Difference]()
     while len(found) < _DIFFERENCES:
-        projected = left @ fits.basis
-        chi = fits.chi_squares(contrasts @ projected)
-        surprises = fits.surprise(chi)
-        chance = _shuffled(
-            lambda sums: fits.surprise(fits.chi_squares(sums)), contrasts, projected, _SHUFFLES, rng
-        ).chance(float(surprises.max()))
+        at, chi, chance = _most_surprising(fits, contrasts, left, _SHUFFLES, rng)
         if chance >= level:
             break
-        at = int(np.argmax(surprises))
         group = groups[at]
-        likely = fits.likely(chi[at], left[group.inside].mean(axis=0) - left[group.outside].mean(axis=0))
-        best = fits.best(likely)
+        away = left[group.inside].mean(axis=0) - left[group.outside].mean(axis=0)
+        best, beyond, rivals = _explained(fits, chi, contrasts[at] @ left, away, weight)
         one = fits.candidates[best]
-        beyond = misfit(group.contrast @ left, weight, float(chi[at, best]), int(fits.freedom[best]))
         sizes, errors, times = _difference(left @ fits.sizing[best], group)
         causes = one.shifts(sizes, errors * math.sqrt(beyond), times)
-        rivals = fits.rivals(likely, best, beyond)
         found.append(Difference(group.label, group.value, int(group.inside.sum()), chance, causes, rivals))
         left[group.inside] -= one.columns @ sizes
     return tuple(found)
@@ -442,20 +389,34 @@ def _difference(sized: Array, group: _Group) -> tuple[Array, Array, float]:
     return inside.mean(axis=0) - outside.mean(axis=0), np.sqrt(own + others), student(0.025, freedom)
 
 
-def _shuffled(
-    surprises: Callable[[Array], Array], contrasts: Array, projected: Array, times: int, rng: np.random.Generator
-) -> Tail:
-    """What chance makes: the largest surprise of contrasts of units in any order.
+def _most_surprising(
+    fits: Fits, contrasts: Array, values: Array, shuffles: int, rng: np.random.Generator
+) -> tuple[int, Array, float]:
+    """The contrast of units that surprises most, chi-squares of the candidates there, and the chance of it.
 
-    Their weights are shuffled, some orders at a time: one product of matrices for all of these.
+    Chance is what the contrasts make of units in any order.  Their weights are shuffled, some orders at a time: one
+    product of matrices for all of these.
     """
-    units, found = contrasts.shape[1], list[Array]()
-    while len(found) < times:
-        orders = [rng.permutation(units) for _ in range(min(times - len(found), -(-_ROWS // len(contrasts))))]
+    projected, units, seen = values @ fits.basis, contrasts.shape[1], list[Array]()
+    chi = fits.chi_squares(contrasts @ projected)
+    surprises = fits.surprise(chi)
+    while len(seen) < shuffles:
+        orders = [rng.permutation(units) for _ in range(min(shuffles - len(seen), -(-_ROWS // len(contrasts))))]
         weights = np.concatenate([contrasts[:, np.argsort(order)] for order in orders])
         sums = (weights @ projected).reshape(len(orders), len(contrasts), -1)
-        found += [surprises(one).max() for one in sums]
-    return Tail(np.array(found))
+        seen += [fits.surprise(fits.chi_squares(one)).max() for one in sums]
+    at = int(np.argmax(surprises))
+    return at, chi[at], tail_chance(np.array(seen), float(surprises[at]))
+
+
+def _explained(
+    fits: Fits, chi: Array, contrast: Array, away: Array, weight: Array
+) -> tuple[int, float, tuple[str, ...]]:
+    """The candidate that makes a contrast, the misfit that it leaves, and its rivals."""
+    likely = fits.likely(chi, away)
+    best = fits.best(likely)
+    beyond = misfit(contrast, weight, float(chi[best]), int(fits.freedom[best]))
+    return best, beyond, fits.rivals(likely, best, beyond)
 
 
 # --- changes ----------------------------------------------------------------------------------------------------------
@@ -500,29 +461,19 @@ def changes_over_serial(
         beginnings, courses = _courses(len(some))
         contrasts = courses - courses.mean(axis=1, keepdims=True)
         contrasts /= np.linalg.norm(contrasts, axis=1, keepdims=True)
-        projected = some @ fits.basis
-        chi = (contrasts @ projected) ** 2
-        chance = _shuffled(_largest, contrasts, projected, _COURSE_SHUFFLES, rng).chance(float(surprise(chi.max(), 1)))
+        at, chi, chance = _most_surprising(fits, contrasts, some, _COURSE_SHUFFLES, rng)
         if chance >= level:
             break
-        at = int(np.argmax(chi.max(axis=1)))
         about = courses[at] - courses[at].mean()
-        likely = fits.likely(chi[at], about @ some / (about @ about))
-        best = fits.best(likely)
-        beyond = misfit(contrasts[at] @ some, weight, float(chi[at, best]), 1)
+        best, beyond, rivals = _explained(fits, chi, contrasts[at] @ some, about @ some / (about @ about), weight)
         size, error = _slope((some @ fits.sizing[best])[:, 0], courses[at])
         errors = np.array([error * math.sqrt(beyond)])
         cause = fits.candidates[best].shifts(np.array([size]), errors, student(0.025, len(some) - 2))[0]
         kind = "step" if at < len(beginnings) else "ramp"
         since = names[beginnings[at % len(beginnings)]]
-        found.append(Change(since, kind, chance, cause, fits.rivals(likely, best, beyond)))
+        found.append(Change(since, kind, chance, cause, rivals))
         part = steady(found, serials)
     return tuple(found)
-
-
-def _largest(sums: Array) -> Array:
-    """Surprise of the largest of sums of unit variance."""
-    return surprise(np.max(sums**2, keepdims=True), 1)
 
 
 def course(kind: str, first: int, end: int, units: int) -> Array:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, check_name, check_path, did_you_mean, read_text, shown, split_lines
+from rverror.base.spreadsheet import table_rows
+from rverror.base.text import PathLike, check_name, check_path, did_you_mean, shown
 from rverror.lots.amplitudes import LotUnit, some
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.file import RUN_SUFFIXES
@@ -95,35 +96,30 @@ class UnitFiles:
 
 
 @dataclass(frozen=True)
-class LotFolder:
-    """Units of a folder in their order, and what was noticed; no run is read yet.
+class LotPart:
+    """A part of a lot: a folder of units whose runs are not read yet, or a file of units that are split into orders.
 
     Attributes
     ----------
     path : str
-    units : tuple of UnitFiles
-    table : str
-        Table of the labels; empty where there is none.
+    files : tuple of str
+        All that is read: the file; or the table of labels and the runs.
+    serials : tuple of str
+        In the order in which the units were made.
     notes : tuple of str
+        What was noticed.
+    units : tuple of UnitFiles
+        Of a folder.
     """
 
     path: str
-    units: tuple[UnitFiles, ...]
-    table: str
+    files: tuple[str, ...]
+    serials: tuple[str, ...]
     notes: tuple[str, ...]
-
-    @property
-    def serials(self) -> tuple[str, ...]:
-        """Of the units, in their order."""
-        return tuple(unit.serial for unit in self.units)
-
-    @property
-    def files(self) -> tuple[str, ...]:
-        """The table and all runs."""
-        return (*filter(None, [self.table]), *(path for unit in self.units for path in unit.runs))
+    units: tuple[UnitFiles, ...] = ()
 
 
-def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotFolder:
+def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotPart:
     """Units of a folder as `lot_units` has them, their runs not read.
 
     Raises
@@ -142,8 +138,10 @@ def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotFold
         _note("left out", [serial for serial in labels if serial not in found], f"in {table} without a folder of runs"),
         _note("without labels", others if labels else (), f"not in {table}; they stand last"),
     )
-    units = tuple(UnitFiles(serial, found[serial], labels.get(serial, {})) for serial in (*order, *others))
-    return LotFolder(str(root), units, str(table) if table.is_file() else "", tuple(note for note in notes if note))
+    serials = (*order, *others)
+    units = tuple(UnitFiles(serial, found[serial], labels.get(serial, {})) for serial in serials)
+    files = (*([str(table)] if table.is_file() else []), *(path for unit in units for path in unit.runs))
+    return LotPart(str(root), files, serials, tuple(filter(None, notes)), units)
 
 
 def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, ...]]:
@@ -170,54 +168,28 @@ def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, .
 
 def _labels(path: Path) -> dict[str, Mapping[str, str]]:
     """Labels of each unit by its serial, in the order of the rows; cells without text are left out."""
-    rows = _rows(path)
+    rows = table_rows(path)
     if not rows:
         raise InputError(f"{path}: the table is empty; {_EXAMPLE}")
-    line, heads = rows[0]
-    place = _serial_place(path, line, heads)
+    (line, heads), *units = rows
+    names = [head.lower() for head in heads if head]
+    if SERIAL not in names:
+        raise InputError(f"{path}, line {line}: no column {SERIAL!r};{did_you_mean(SERIAL, names)} {_EXAMPLE}")
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise InputError(f"{path}, line {line}: two columns {shown(twice[0])}; give each its own name")
     found: dict[str, Mapping[str, str]] = {}
-    lines: dict[str, int] = {}
-    for number, cells in rows[1:]:
+    for number, cells in units:
         if len(cells) > len(heads):
             raise InputError(
                 f"{path}, line {number}: {len(cells)} cells for {count_of(len(heads), 'column')}; correct the row"
             )
-        serial = cells[place] if place < len(cells) else ""
-        if not serial:
-            raise InputError(f"{path}, line {number}: no {SERIAL}; give the name of the unit's folder, or no row")
-        if serial in found:
-            raise InputError(
-                f"{path}, line {number}: serial {shown(serial)} stands in line {lines[serial]} too; "
-                "give each unit one row"
-            )
-        named = zip(heads, cells, strict=False)
-        found[serial] = {head: cell for at, (head, cell) in enumerate(named) if at != place and head and cell}
-        lines[serial] = number
+        labels = {head: cell for head, cell in zip(heads, cells, strict=False) if head and cell}
+        serial = next((labels.pop(head) for head in heads if head.lower() == SERIAL and head in labels), "")
+        if not serial or serial in found:
+            why = f"serial {shown(serial)} stands above too" if serial else f"no {SERIAL}"
+            raise InputError(f"{path}, line {number}: {why}; give the folder of each unit one row")
+        found[serial] = labels
     return found
-
-
-def _serial_place(path: Path, line: int, heads: Sequence[str]) -> int:
-    """Column of the serials, once it is sure that no two columns share a name."""
-    names = [head.lower() for head in heads]
-    if SERIAL not in names:
-        hint = did_you_mean(SERIAL, [name for name in names if name])
-        raise InputError(f"{path}, line {line}: no column {SERIAL!r};{hint} {_EXAMPLE}")
-    twice = [head for at, head in enumerate(heads) if head and head.lower() in names[:at]]
-    if twice:
-        raise InputError(f"{path}, line {line}: two columns {shown(twice[0])}; give each its own name")
-    return names.index(SERIAL)
-
-
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Rows with text and the number of their line; comments begin with #, spreadsheets may part cells by semicolons."""
-    lines = ["" if line.lstrip().startswith("#") else line for line in split_lines(read_text(path))]
-    head = next(filter(str.strip, lines), "")
-    rows = csv.reader(lines, delimiter=";" if head.count(";") > head.count(",") else ",", strict=True)
-    try:
-        found = [(rows.line_num, [cell.strip() for cell in cells]) for cells in rows]
-    except csv.Error as error:
-        raise InputError(f"{path}, line {rows.line_num}: no row of a table ({error}); correct the quotes") from error
-    return [(number, cells) for number, cells in found if any(cells)]
 
 
 def _natural(name: str) -> tuple[list[tuple[int, str]], str]:

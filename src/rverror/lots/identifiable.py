@@ -107,16 +107,13 @@ def _apart(information: Array, own: Array) -> tuple[list[int], dict[int, list[in
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     alike = information / np.outer(size, size)
     partners = dict[int, list[int]]()
-    for at in np.argsort(-own):
-        if own[at] < TOLD:
-            continue
+    for at in np.argsort(-own)[: np.sum(own >= TOLD)].tolist():
         first = next((other for other in partners if alike[at, other] > ALIKE), None)
         if first is None:
-            partners[int(at)] = []
+            partners[at] = []
         else:
-            partners[first].append(int(at))
-    kept = sorted(partners)
-    return kept, partners
+            partners[first].append(at)
+    return sorted(partners), partners
 
 
 def _orders(amplitudes: Amplitudes, shown: Array) -> npt.NDArray[np.bool_]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +14,13 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given, variance_of
+from rverror.base.text import describe
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
     ShiftSource,
     candidates_of,
     changes_over_serial,
     course,
-    detection_limit,
     group_differences,
     steady,
 )
@@ -49,6 +48,7 @@ _UNMARKED = (
     "zeros are not on the marks (index: unknown): systematic errors are part of the standard deviations, and groups "
     "and changes are not searched"
 )
+_UNKNOWN = Interval(math.nan, math.nan, math.nan)
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -89,7 +89,7 @@ def lot(
         Of a reducer, with what all units share; stiffnesses need not be known better than to a fifth.
     units : sequence of LotUnit, or Amplitudes
         Each with a run for each condition, over a turn of the output or more; in the order in which they were made.
-        Or what `load_amplitudes` has made of them.
+        Or amplitudes of `lot_inputs`.
     tolerances : sequence of Tolerance, optional
         The drawing: which parts vary.  All sources of the catalogue where left out.
     seed : int
@@ -113,58 +113,53 @@ def lot(
     """
     reducer_of(model.mechanism, "a lot")
     tell = progress or (lambda text: None)
-    amplitudes = amplitudes_given(model, units)
+    amplitudes = amplitudes_of(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
-    if not question.simulator.parts.processes:
-        raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     simulator = question.simulator
+    if not simulator.parts.processes:
+        raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     values = simulator.amplitudes.values * simulator.scale
     everyone = np.ones(len(values), np.bool_)
-    cleaned = _Cleaned(values, everyone, everyone)
-    estimate: LotEstimate | None = None
+    cleaned, state = _Cleaned(values, everyone, everyone), question.start
     for number in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
-        estimate = matching.estimate(question.start if estimate is None else estimate.state, again=estimate is not None)
+        estimate = matching.estimate(state, again=number > 0)
         before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned)
-        if cleaned.same == before.same and (number or not estimate.poor):
+        state, same = estimate.state, cleaned.same == before.same
+        if same and (number or not estimate.poor):
             break
-        tell(
-            "once more, without units and groups that differ"
-            if cleaned.same != before.same
-            else "once more, from elsewhere"
-        )
-    assert estimate is not None
-    predicted = _predicted(simulator, amplitudes, estimate, cleaned, seed)
-    chance = float(scipy.special.chdtrc(estimate.freedom, estimate.chi_square))
-    orders = simulator.amplitudes.orders
+        tell("once more, from elsewhere" if same else "once more, without units and groups that differ")
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
-        model.mechanism.name,
-        int(cleaned.kept.sum()),
-        tuple(map(str, amplitudes.conditions)),
-        _processes(question, estimate, means, int(cleaned.kept.sum())),
-        means,
-        shifts,
-        _stiffness(estimate),
-        cleaned.outsiders,
-        cleaned.differences,
-        cleaned.changes,
-        predicted,
-        chance,
-        orders.astype(np.float64),
-        _rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
-        _rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        (*amplitudes.notes, *_used(cleaned), *(() if amplitudes.marked else (_UNMARKED,))),
-        amplitudes.marked,
+        model=model.mechanism.name,
+        units=int(cleaned.kept.sum()),
+        conditions=tuple(map(str, amplitudes.conditions)),
+        processes=_processes(question, estimate, means, int(cleaned.kept.sum())),
+        means=means,
+        shifts=shifts,
+        stiffness=_stiffness(estimate),
+        outsiders=cleaned.outsiders,
+        differences=cleaned.differences,
+        changes=cleaned.changes,
+        predicted=_predicted(simulator, amplitudes, estimate, cleaned, seed),
+        chance=float(scipy.special.chdtrc(estimate.freedom, estimate.chi_square)),
+        orders=simulator.amplitudes.orders.astype(np.float64),
+        amplitudes=_rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
+        made=_rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
+        notes=_notes(amplitudes, cleaned),
+        marked=amplitudes.marked,
     )
 
 
-def _used(cleaned: _Cleaned) -> list[str]:
-    """Which units the processes are told from, where it is not all members."""
+def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
     count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
-    told = f"told from {count} of {members} units: those without the differences and changes that are named"
-    return [told] if count < members else []
+    notes = list(amplitudes.notes)
+    if count < members:
+        notes.append(f"told from {count} of {members} units: those without the differences and changes that are named")
+    if not amplitudes.marked:
+        notes.append(_UNMARKED)
+    return tuple(notes)
 
 
 def _matching(
@@ -186,30 +181,36 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     estimate, where enough remain: influences of the first order do not take all of it off.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
-    members = before.members
     candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
-    serials = tuple(compress(amplitudes.serials, members))
-    labels = {name: tuple(compress(given, members)) for name, given in amplitudes.labels.items()}
-    about = values[members] - values[members].mean(axis=0)
-    groups = group_differences(about, labels, weight, candidates, level=LEVEL / 2, seed=seed)
+    places = np.flatnonzero(before.members)
+    serials = [amplitudes.serials[place] for place in places]
+    labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
+
+    groups = group_differences(_centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed)
     for group in groups:
-        of = np.array([value == group.value for value in amplitudes.labels[group.label]])
-        left[of] -= _effect(candidates, group.causes)
-        alike &= ~of
-    about = left[members] - left[members].mean(axis=0)
-    changes = changes_over_serial(about, serials, weight, candidates, level=LEVEL / 2, seed=seed)
-    places = np.flatnonzero(members)
+        inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
+        left[inside] -= _effect(candidates, group.causes)
+        alike &= ~inside
+
+    changes = changes_over_serial(_centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed)
+    ends = [0, *places[1:], len(values)]  # of parts of the members among all units
     for number, change in enumerate(changes):
-        first, end = places[serials.index(change.since)], _end(steady(changes[:number], serials), places, len(values))
+        first, end = places[serials.index(change.since)], ends[steady(changes[:number], serials).stop]
         left -= np.outer(course(change.course, first, end, len(values)), _effect(candidates, (change.cause,)))
-    part, steady_units = steady(changes, serials), np.zeros(len(values), np.bool_)
-    steady_units[places[part.start] if part.start else 0 : _end(part, places, len(values))] = True
-    alike &= steady_units
-    odd = _outsiders(simulator, left, steady_units, estimate, seed)
+    part = steady(changes, serials)
+    unchanged = np.zeros(len(values), np.bool_)
+    unchanged[ends[part.start] : ends[part.stop]] = True
+
+    odd = _outsiders(simulator, left, unchanged, estimate, seed)
     members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
-    enough = (members & alike).sum() >= max(_LEFT[0], _LEFT[1] * len(values))
-    return _Cleaned(left, members, members & alike if enough else members, odd, groups, changes)
+    alike &= members & unchanged
+    enough = alike.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
+    return _Cleaned(left, members, alike if enough else members, odd, groups, changes)
+
+
+def _centred(values: Array) -> Array:
+    return np.asarray(values - values.mean(axis=0))
 
 
 def _outsiders(
@@ -222,11 +223,10 @@ def _outsiders(
     rng = np.random.default_rng(seed + 1)
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
     marked = simulator.amplitudes.marked
-    members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
     found = outsiders(
         values[some] - marked * np.median(values[some], axis=0),
         tuple(compress(simulator.amplitudes.serials, some)),
-        members,
+        drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
         estimate.weight,
         estimate.draws.influence,
         simulator.parts,
@@ -238,17 +238,8 @@ def _outsiders(
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
     """What shifts change of a unit's amplitudes."""
-    columns = {
-        (c.key, tuple(c.indices.items()), c.parameters[0]): c.columns for c in candidates if len(c.parameters) == 1
-    }
-    return np.asarray(
-        sum(columns[one.key, tuple(one.indices.items()), one.parameter][:, 0] * one.size.value for one in causes)
-    )
-
-
-def _end(part: slice, places: npt.NDArray[np.intp], units: int) -> int:
-    """Where a part of the members ends among all units."""
-    return int(places[part.stop]) if part.stop < len(places) else units
+    columns = {(c.label, c.parameters): c.columns[:, 0] for c in candidates}
+    return np.asarray(sum(columns[describe(one.key, one.indices), (one.parameter,)] * one.size.value for one in causes))
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------
@@ -256,64 +247,53 @@ def _end(part: slice, places: npt.NDArray[np.intp], units: int) -> int:
 
 def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift], units: int) -> tuple[MadeBy, ...]:
     """Processes with their intervals, the largest share first."""
-    simulator, state = question.simulator, estimate.state
-    noise = simulator.amplitudes.noise
-    power = np.einsum("cdd,d->c", estimate.draws.squares, noise) * state.deviation**2
-    found, limits = [], _limits(simulator, estimate, units)
-    for number, process in enumerate(simulator.parts.processes):
+    draws, state = estimate.draws, estimate.state
+    power = np.einsum("cdd,d->c", draws.squares, question.simulator.amplitudes.noise) * state.deviation**2
+    found = []
+    for number, process in enumerate(question.simulator.parts.processes):
         variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
         size = Interval(math.sqrt(variance), *interval(variance, error))
-        needed = math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if size.low > 0 else None
+        above = size.low > 0
+        capability, centred = _capability(process, size.value, means) if above else (None, None)
         found.append(
-            _made(
-                process,
-                size,
-                means,
+            replace(
+                _not_shown(process),
+                deviation=size,
+                above_zero=above,
                 share=float(power[number] / power.sum()),
                 alike=tuple(one.label for one in question.alike[number]),
-                units_needed=needed,
-                least_difference=limits[number][0],
-                least_error=limits[number][1],
+                units_needed=math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None,
+                capability=capability,
+                capability_centred=centred,
             )
         )
     found.sort(key=lambda one: -one.share)
-    return (*found, *(_made(process, None, share=0.0) for process in question.silent))
+    return (*found, *map(_not_shown, question.silent))
 
 
-def _limits(
-    simulator: Simulator, estimate: LotEstimate, units: int
-) -> list[tuple[float, float]] | list[tuple[None, None]]:
-    """Of each process what its least visible part has to be off: between halves of the lot, and in one unit."""
-    if not simulator.amplitudes.marked:
-        return [(None, None)] * len(simulator.parts.processes)
-    columns, parts = estimate.draws.influence, simulator.parts
-    information = np.einsum("dp,de,ep->p", columns, estimate.weight, columns)
-    least = np.array([information[parts.process == number].min() for number in range(len(parts.processes))])
-    differences = detection_limit(least * units / 4, tests=len(information), level=LEVEL / 2)
-    errors = detection_limit(least, tests=len(information) * units, level=LEVEL)
-    return list(zip(differences.tolist(), errors.tolist(), strict=True))
-
-
-def _made(process: Process, size: Interval | None, means: Sequence[Shift] = (), **told: Any) -> MadeBy:
-    tolerance, above = process.tolerance, size is not None and size.low > 0
-    if tolerance is not None and size is not None and above:
-        reach = 3.0 if len(process.parameters) < 2 or not tolerance.in_vectors else math.sqrt(-2 * math.log(OUTSIDE))
-        own = [m.size.value for m in means if m.key == process.key and m.indices == process.indices]
-        wanted = [tolerance.mean.get(parameter.name, 0.0) for parameter in process.parameters]
-        told["capability"] = tolerance.width / (reach * size.value)
-        if own:
-            off = math.hypot(*(mean - middle for mean, middle in zip(own, wanted, strict=True)))
-            told["capability_centred"] = (tolerance.width - off) / (reach * size.value)
+def _not_shown(process: Process) -> MadeBy:
+    """A process of which a lot tells nothing."""
     return MadeBy(
         key=process.key,
         indices=process.indices,
         parameters=tuple(parameter.name for parameter in process.parameters),
         dimension=process.parameters[0].dimension,
-        deviation=size,
-        above_zero=above,
-        tolerance="" if tolerance is None else tolerance.label,
-        **told,
+        tolerance="" if process.tolerance is None else process.tolerance.label,
     )
+
+
+def _capability(process: Process, deviation: float, means: Sequence[Shift]) -> tuple[float | None, float | None]:
+    """Cp and Cpk of a process that has a tolerance."""
+    tolerance = process.tolerance
+    if tolerance is None:
+        return None, None
+    vectors = len(process.parameters) > 1 and tolerance.in_vectors
+    needed = deviation * (math.sqrt(-2 * math.log(OUTSIDE)) if vectors else 3.0)
+    own = {m.parameter: m.size.value for m in means if (m.key, m.indices) == (process.key, process.indices)}
+    if not own:
+        return tolerance.width / needed, None
+    off = math.hypot(*(own[p.name] - tolerance.mean.get(p.name, 0.0) for p in process.parameters))
+    return tolerance.width / needed, (tolerance.width - off) / needed
 
 
 def _means(
@@ -326,31 +306,24 @@ def _means(
     if not simulator.amplitudes.marked:
         return (), ()
     parts = simulator.parts
-    names, rows = list[tuple[Process, dict[str, int | str], int]](), list[Array]()
+    found, rows = list[Shift](), list[Array]()
     for number, process in enumerate(parts.processes):
         members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
-        for k in range(members.shape[1]):
-            if len(members) > 1:
-                rows.append(np.bincount(members[:, k], minlength=len(parts.process)) / len(members))
-                names.append((process, dict(process.indices), k))
-            for instance, row in zip(process.instances, members, strict=True) if len(members) <= _FEW else ():
-                rows.append(np.eye(1, len(parts.process), row[k])[0])
-                names.append((process, dict(instance), k))
+        single = list(zip(process.instances, members[:, None], strict=True))
+        together = [(process.indices, members)] if len(members) > 1 else []
+        for indices, some in (*together, *(single if len(members) <= _FEW else ())):
+            for parameter, places in zip(process.parameters, some.T, strict=True):
+                found.append(Shift(process.key, dict(indices), parameter.name, parameter.dimension, _UNKNOWN))
+                rows.append(np.bincount(places, minlength=len(parts.process)) / len(places))
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = -float(scipy.special.ndtri(0.025 / len(rows)))
-    found = tuple(
-        Shift(
-            process.key, indices, process.parameters[k].name, process.parameters[k].dimension,
-            Interval(float(size), float(size - 1.96 * error), float(size + 1.96 * error)),
-        )
-        for (process, indices, k), size, error in zip(names, sizes, errors, strict=True)
-    )  # fmt: skip
-    return found, tuple(
-        one
-        for one, size, middle, error in zip(found, sizes, np.array(rows) @ parts.middle, errors, strict=True)
-        if abs(size - middle) > far * error
+    means = tuple(
+        replace(one, size=Interval(size, size - 1.96 * error, size + 1.96 * error))
+        for one, size, error in zip(found, sizes.tolist(), errors.tolist(), strict=True)
     )
+    off = np.abs(sizes - np.array(rows) @ parts.middle) > far * errors
+    return means, tuple(compress(means, off))
 
 
 def _stiffness(estimate: LotEstimate) -> dict[str, Interval]:
@@ -373,32 +346,33 @@ def _predicted(
     simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, cleaned: _Cleaned, seed: int
 ) -> tuple[Predicted, ...]:
     """Peak-to-peak of units to come, what is systematic as the measured units have it."""
-    rng = np.random.default_rng(seed + 2)
-    parts = simulator.parts
-    lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * amplitudes.marked
-    drawn = rng.standard_normal((_PREDICTED, len(parts.process)))
-    waves = simulator.waveforms(estimate.state, drawn)
-    common = simulator.amplitudes.waves(lifted[None] / simulator.scale, waves.shape[-1])[0]
-    sizes = np.ptp(waves + common, axis=2)
-    within = [_p95(simulator, values + lifted, waves.shape[-1]) for values in _within_errors(estimate, rng)]
+    rng, marked = np.random.default_rng(seed + 2), amplitudes.marked
+    lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * marked
+    waves = simulator.waveforms(estimate.state, rng.standard_normal((_PREDICTED, len(simulator.parts.process))))
+    angles = waves.shape[-1]
+    common = simulator.amplitudes.waves(lifted[None] / simulator.scale, angles)[0]
+    to_come = np.sort(np.ptp(waves + common, axis=2), axis=0)
+    within = [
+        np.quantile(_peak_to_peak(simulator, values + lifted, angles), _SHARE, axis=0)
+        for values in _within_errors(estimate, rng)
+    ]
     spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
     rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, simulator.amplitudes.orders)
     rows[:, np.tile(known, 2 * len(amplitudes.conditions))] = cleaned.values[cleaned.kept] / simulator.scale
-    seen = np.ptp(amplitudes.waves(rows, waves.shape[-1]), axis=2)
+    seen = np.ptp(amplitudes.waves(rows, angles), axis=2)
     found = []
     for number, condition in enumerate(amplitudes.conditions):
-        own = np.sort(sizes[:, number])
-        value = float(np.quantile(own, _SHARE))
-        low, high = own[[math.floor(len(own) * _SHARE - 1.96 * _SIDE), math.ceil(len(own) * _SHARE + 1.96 * _SIDE)]]
-        more = 1.96 * value * float(spread[number])
-        found.append(
-            Predicted(
-                str(condition),
-                float(own.mean()),
-                Interval(value, value - math.hypot(more, value - low), value + math.hypot(more, high - value)),
-                (float(seen[:, number].mean()), float(np.quantile(seen[:, number], _SHARE))),
-            )
+        own, measured = to_come[:, number], seen[:, number]
+        value, more = float(np.quantile(own, _SHARE)), float(spread[number])
+        places = len(own) * _SHARE + 1.96 * _SIDE * np.array([-1, 1])
+        low, high = own[math.floor(places[0])], own[math.ceil(places[1])]
+        quantile = Interval(
+            value,
+            value - math.hypot(1.96 * value * more, value - low),
+            value + math.hypot(1.96 * value * more, high - value),
         )
+        told = float(measured.mean()), float(np.quantile(measured, _SHARE))
+        found.append(Predicted(str(condition), float(own.mean()), quantile, told))
     return tuple(found)
 
 
@@ -406,10 +380,9 @@ _SHARE = 0.95  # of the units, below whose quantile they are
 _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
 
 
-def _p95(simulator: Simulator, values: Array, angles: int) -> Array:
-    """Peak-to-peak that 95 % of units stay below, of their whitened amplitudes, rad, shape (conditions,)."""
-    waves = simulator.amplitudes.waves(values / simulator.scale, angles)
-    return np.asarray(np.quantile(np.ptp(waves, axis=2), _SHARE, axis=0))
+def _peak_to_peak(simulator: Simulator, values: Array, angles: int) -> Array:
+    """Of units' whitened amplitudes, rad, shape (units, conditions)."""
+    return np.asarray(np.ptp(simulator.amplitudes.waves(values / simulator.scale, angles), axis=2))
 
 
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:

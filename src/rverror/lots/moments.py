@@ -55,8 +55,6 @@ class LotEstimate:
     Attributes
     ----------
     state : State
-    variance_error : ndarray, shape (processes,)
-        Standard errors of the variances.
     covariance : ndarray, shape (processes + 6, processes + 6)
         Of variances and compliances.
     chi_square : float
@@ -70,12 +68,16 @@ class LotEstimate:
     """
 
     state: State
-    variance_error: Array
     covariance: Array = field(repr=False)
     chi_square: float
     freedom: int
     draws: Draws = field(repr=False)
     weight: Array = field(repr=False)
+
+    @property
+    def variance_error(self) -> Array:
+        """Standard errors of the variances, shape (processes,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[:-COMPLIANCES]))
 
     @property
     def poor(self) -> bool:
@@ -167,7 +169,8 @@ class MomentMatching:
         """
         for number in range(0 if again else _ROUNDS[0]):
             draws = self.simulator.draws(state, self.standard[::_ROUGH])
-            weights = self._weights(draws, self._coarse(draws, state))
+            # of a covariance that is too large where contacts open: nothing runs away by it
+            weights = self._weights(draws, np.asarray(np.linalg.inv(draws.covariance(state.deviation))))
             distance = self._distance(draws, state, weights)
             self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
             state = self._stepped(state, distance, weights, 0.3)
@@ -246,10 +249,6 @@ class MomentMatching:
 
     # --- statistics ---------------------------------------------------------------------------------------------------
 
-    def _coarse(self, draws: Draws, state: State) -> Array:
-        """Inverse of a covariance that is too large where contacts open: nothing runs away by it."""
-        return np.asarray(np.linalg.inv(draws.covariance(state.deviation)))
-
     def _weight(self, state: State) -> Array:
         """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
         values = self.simulator.values(state, self.fresh)
@@ -287,18 +286,16 @@ class MomentMatching:
         had = np.einsum("ade,de->a", forms, self.sample.covariance - noise)
         shifted = self.sample.mean - draws.mean
         away = np.concatenate([had - made, weights.of_mean @ shifted])
-        changes = self._changes(draws, state)
-        slope = np.zeros((len(away), len(changes)))
-        for number, change in enumerate(changes):
-            slope[: len(forms), number] = 2 * np.einsum("aud,ud->a", pressed, change) / count
-            slope[len(forms) :, number] = weights.of_mean @ change.mean(axis=0)
+        twice = 2 * np.maximum(state.deviation, _SMALL * self.least)
+        changes = np.concatenate([draws.by_process / twice[:, None], draws.by_compliance], axis=1)
+        of_forms = 2 * np.einsum("aud,ucd->ac", pressed, changes, optimize=True) / count
+        of_mean = weights.of_mean @ changes.mean(axis=0).T
         for at in np.flatnonzero(state.deviation <= _SMALL * self.least):
-            slope[: len(forms), at] = np.einsum("ade,de->a", forms, draws.squares[at])
-            slope[len(forms) :, at] = 0.0
+            of_forms[:, at] = np.einsum("ade,de->a", forms, draws.squares[at])
+            of_mean[:, at] = 0.0
         objective = float(away @ weights.inverse @ away + self._prior(state))
-        of_forms = away[: len(forms)]
-        chi = float(of_forms @ weights.inverse[: len(forms), : len(forms)] @ of_forms)
-        return _Distance(objective, chi, away, slope)
+        chi = float((had - made) @ weights.inverse[: len(forms), : len(forms)] @ (had - made))
+        return _Distance(objective, chi, away, np.concatenate([of_forms, of_mean]))
 
     def _prior(self, state: State) -> float:
         """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""
@@ -307,13 +304,6 @@ class MomentMatching:
     @property
     def _workshop(self) -> Array:
         return np.array([process.plausible for process in self.simulator.parts.processes])
-
-    def _changes(self, draws: Draws, state: State) -> list[Array]:
-        """Change of the drawn amplitudes with each variance and compliance, (u, d) each."""
-        twice = 2 * np.maximum(state.deviation, _SMALL * self.least)
-        return [draws.by_process[:, c] / twice[c] for c in range(len(twice))] + [
-            draws.by_compliance[:, k] for k in range(COMPLIANCES)
-        ]
 
     # --- steps --------------------------------------------------------------------------------------------------------
 
@@ -353,17 +343,9 @@ class MomentMatching:
     def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights, weight: Array) -> LotEstimate:
         unit, information, _ = self._normal(state, distance, weights)
         covariance = np.linalg.pinv(information + 1e-4 * np.eye(len(unit)), hermitian=True) * np.outer(unit, unit)
-        count, freedom = len(state.deviation), self._freedom(weights)
+        freedom = self._freedom(weights)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
-        return LotEstimate(
-            state,
-            np.sqrt(np.diag(covariance)[:count]),
-            covariance,
-            distance.chi_square,
-            freedom,
-            draws,
-            weight,
-        )
+        return LotEstimate(state, covariance, distance.chi_square, freedom, draws, weight)
 
 
 def _inverse(matrix: Array) -> Array:

@@ -17,7 +17,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.viewed import Viewed
 from rverror.geartrain.mechanism import Drive
-from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_given
+from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
 from rverror.lots.result import Interval
 from rverror.model.effects import Model
 
@@ -182,7 +182,7 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
     """
     check_kind("model", model, Model, "make one with load_model or Model(Drive(ratio=...))")
     check_kind("model: its mechanism", model.mechanism, Drive, "give a model with [drive]; lot takes reducers")
-    amplitudes = amplitudes_given(model, units)
+    amplitudes = amplitudes_of(model, units)
     amplitudes.check_marked()
     count = len(amplitudes.serials)
     if count < _LEAST:

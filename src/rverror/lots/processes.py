@@ -5,6 +5,7 @@ Page ``theory/lots.md``.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +18,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.text import describe
 from rverror.geartrain.mechanism import Reducer
-from rverror.geartrain.source import Index, IndexValue, Known, Parameter, Source
+from rverror.geartrain.source import IndexValue, Known, Parameter, Source, rv
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.tolerances.declared import Tolerance
@@ -84,30 +85,21 @@ class UnitParts:
         )
 
     @cached_property
-    def _places(self) -> list[tuple[int, int, int]]:
-        """Process, effect and parameter of each component."""
-        found, number = [], 0
-        for at, process in enumerate(self.processes):
-            names = [p.name for p in source(process.key).parameters]
-            for _ in process.instances:
-                found += [(at, number, names.index(p.name)) for p in process.parameters]
-                number += 1
-        return found
-
-    @cached_property
     def process(self) -> npt.NDArray[np.intp]:
         """Process of each component, shape (p,)."""
-        return np.array([at for at, _, _ in self._places], dtype=np.intp)
+        sizes = [len(process.instances) * len(process.parameters) for process in self.processes]
+        return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
     def effect(self) -> npt.NDArray[np.intp]:
         """Effect of each component, shape (p,)."""
-        return np.array([number for _, number, _ in self._places], dtype=np.intp)
+        sizes = [len(process.parameters) for process in self.processes for _ in process.instances]
+        return np.repeat(np.arange(len(sizes)), sizes)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameter of each component."""
-        return tuple(source(self.effects[e].key).parameters[k] for _, e, k in self._places)
+        return tuple(p for process in self.processes for _ in process.instances for p in process.parameters)
 
     @cached_property
     def least(self) -> Array:
@@ -130,10 +122,13 @@ class UnitParts:
     @cached_property
     def placed(self) -> tuple[Instance, ...]:
         """Where the components stand among the parameters of each effect."""
-        at: list[list[tuple[int, int]]] = [[] for _ in self.effects]
-        for component, (_, number, parameter) in enumerate(self._places):
-            at[number].append((parameter, component))
-        return tuple(Instance(e.key, e.indices, tuple(some)) for e, some in zip(self.effects, at, strict=True))
+        placed = []
+        for number, one in enumerate(self.effects):
+            names = [p.name for p in source(one.key).parameters]
+            own = np.flatnonzero(self.effect == number).tolist()
+            at = tuple((names.index(self.parameters[component].name), component) for component in own)
+            placed.append(Instance(one.key, one.indices, at))
+        return tuple(placed)
 
 
 def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | None = None) -> tuple[Process, ...]:
@@ -155,10 +150,9 @@ def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | Non
     InputError
         If two tolerances are about the same parts.
     """
-    unit = model.mechanism
-    assert isinstance(unit, Reducer)
+    unit = rv(model.mechanism)
     if tolerances is not None:
-        found = [p for one in tolerances for p in _of_tolerance(one, unit)]
+        found = [p for one in tolerances for p in _by_harmonic(one.key, one.instances(unit), one.chosen, one)]
         _check_once(found)
         return tuple(found)
     return tuple(
@@ -174,8 +168,9 @@ def _of_source(entry: Source, unit: Reducer) -> list[Process]:
     varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
     if not (entry.in_lots and entry.tried and entry.periodic and varied):
         return []
+    harmonics = range(1, _HARMONICS + 1)
     every = processes_of_source(entry, unit, varied)
-    return [one for one in every if all(map(_is_low, one.indices.values()))]
+    return [one for one in every if one.indices.get("harmonic", 1) in harmonics]
 
 
 def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Parameter, ...]) -> list[Process]:
@@ -192,46 +187,36 @@ def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Paramete
     -------
     list of Process
     """
-    harmonics = [index for index in entry.indices if not _is_part(index)]
-    parts = [index for index in entry.indices if _is_part(index)]
-    found = []
-    for chosen in product(*(i.tried(unit) for i in harmonics)):
-        fixed = dict(zip([i.name for i in harmonics], chosen, strict=True))
-        which = product(*([v for v in i.tried(unit) if v != "all"] for i in parts))
-        instances = tuple({**fixed, **dict(zip([i.name for i in parts], one, strict=True))} for one in which)
-        if instances:
-            found.append(Process(entry.key, fixed, instances, parameters))
-    return found
+    names = [index.name for index in entry.indices]
+    tried = product(*([value for value in index.tried(unit) if value != "all"] for index in entry.indices))
+    return _by_harmonic(entry.key, [dict(zip(names, some, strict=True)) for some in tried], parameters)
 
 
-def _is_part(index: Index) -> bool:
-    """Whether an index tells one part from another."""
-    return index.name != "harmonic"
-
-
-def _is_low(value: IndexValue) -> bool:
-    return not isinstance(value, int) or 1 <= value <= _HARMONICS
-
-
-def _of_tolerance(one: Tolerance, unit: Reducer) -> list[Process]:
-    """Processes of a tolerance: one for each harmonic."""
-    by_harmonic: dict[tuple[tuple[str, IndexValue], ...], list[Mapping[str, IndexValue]]] = {}
-    parts = {index.name for index in source(one.key).indices if _is_part(index)}
-    for indices in one.instances(unit):
-        fixed = tuple((name, value) for name, value in indices.items() if name not in parts)
-        by_harmonic.setdefault(fixed, []).append(indices)
-    return [Process(one.key, dict(fixed), tuple(some), one.chosen, one) for fixed, some in by_harmonic.items()]
+def _by_harmonic(
+    key: str,
+    instances: Iterable[Mapping[str, IndexValue]],
+    parameters: tuple[Parameter, ...],
+    tolerance: Tolerance | None = None,
+) -> list[Process]:
+    """A process for each harmonic that instances of a source have."""
+    groups: dict[IndexValue | None, list[Mapping[str, IndexValue]]] = {}
+    for indices in instances:
+        groups.setdefault(indices.get("harmonic"), []).append(indices)
+    return [
+        Process(key, {} if harmonic is None else {"harmonic": harmonic}, tuple(some), parameters, tolerance)
+        for harmonic, some in groups.items()
+    ]
 
 
 def _check_once(processes: Sequence[Process]) -> None:
-    seen: dict[tuple[object, ...], str] = {}
-    for process in processes:
-        for indices in process.instances:
-            for parameter in process.parameters:
-                name = process.key, tuple(sorted(indices.items())), parameter.name
-                if name in seen:
-                    raise InputError(
-                        f"tolerances: {describe(process.key, indices)} has two, {seen[name]!r} and "
-                        f"{process.label!r}; a lot tells one spread of each part: leave one out"
-                    )
-                seen[name] = process.label
+    places = [
+        (process.key, tuple(sorted(indices.items())), parameter.name)
+        for process in processes
+        for indices in process.instances
+        for parameter in process.parameters
+    ]
+    for (key, indices, _), count in Counter(places).items():
+        if count > 1:
+            raise InputError(
+                f"tolerances: {describe(key, dict(indices))} has two; a lot tells one spread of each: leave one out"
+            )

@@ -56,25 +56,20 @@ class MadeBy:
         Cp: width of the tolerance over what the process needs, 1 where 0.27 % are beyond.
     capability_centred : float or None
         Cpk: the same, less what the mean is off.
-    least_difference, least_error : float or None
-        Detection limits: what one part, the least visible, has to be off to be found in 95 %, between halves of the
-        lot and in a single unit; None where the process is not shown.
     """
 
     key: str
     indices: Mapping[str, IndexValue]
     parameters: tuple[str, ...]
     dimension: str
-    deviation: Interval | None
-    above_zero: bool
-    share: float
+    deviation: Interval | None = None
+    above_zero: bool = False
+    share: float = 0.0
     alike: tuple[str, ...] = ()
     units_needed: int | None = None
     tolerance: str = ""
     capability: float | None = None
     capability_centred: float | None = None
-    least_difference: float | None = None
-    least_error: float | None = None
 
 
 @dataclass(frozen=True)

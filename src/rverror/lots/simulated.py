@@ -12,7 +12,7 @@ from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.diagnosis.gears.reducers import curved
 from rverror.diagnosis.gears.waveform import softened
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.source import rv
 from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import UnitParts
 from rverror.model.effects import Model
@@ -123,13 +123,10 @@ class Simulator:
     def _loaded(self, compliance: Array) -> list[LoadedTurn]:
         """The turns with other stiffnesses."""
         changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
-        found = []
-        for turn in self._turns:
-            unit = turn.model.mechanism
-            assert isinstance(unit, Reducer)
-            softer = replace(turn.model, mechanism=softened(unit, changes))
-            found.append(LoadedTurn(replace(turn, model=softer)))
-        return found
+        return [
+            LoadedTurn(replace(turn, model=replace(turn.model, mechanism=softened(rv(turn.model.mechanism), changes))))
+            for turn in self._turns
+        ]
 
     def waveforms(self, state: State, standard: Array) -> Array:
         """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n)."""
@@ -146,9 +143,7 @@ class Simulator:
     def values(self, state: State, standard: Array) -> Array:
         """Whitened amplitudes of units, of those that have an equilibrium, shape (units, d)."""
         waves = self.waveforms(state, standard)
-        return (
-            np.concatenate([self.amplitudes.of_waves(waves[:, c]) for c in range(waves.shape[1])], axis=1) * self.scale
-        )
+        return self.amplitudes.of_waves(waves).reshape(len(waves), -1) * self.scale
 
     def draws(self, state: State, standard: Array) -> Draws:
         """Units with what each process does to them."""
@@ -164,19 +159,13 @@ class Simulator:
             return value, influence, by_process, by_softening[:COMPLIANCES]
 
         solved = [one for one in each(solve, range(len(standard))) if one is not None]
-        rows = np.array([one[1] for one in solved])
+        values, rows, by_process, by_compliance = (np.array(column) for column in zip(*solved, strict=True))
         squares = np.empty((len(members), rows.shape[2], rows.shape[2]))
         for square, some in zip(squares, members, strict=True):
             mine = rows[:, some].reshape(-1, rows.shape[2])
             np.divide(mine.T @ mine, len(solved), out=square)
-        return Draws(
-            np.array([one[0] for one in solved]),
-            np.array([one[2] for one in solved]),
-            np.array([one[3] for one in solved]),
-            rows.mean(axis=0).T,
-            self.amplitudes.over_turns(squares),
-            self.amplitudes.marked,
-        )
+        squares = self.amplitudes.over_turns(squares)
+        return Draws(values, by_process, by_compliance, rows.mean(axis=0).T, squares, self.amplitudes.marked)
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
         """One unit with what each of its part errors does to it, and each of `SOFTENING`.

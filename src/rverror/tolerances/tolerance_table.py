@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.spreadsheet import sheet_rows
-from rverror.base.text import PathLike, did_you_mean, read_text, shown
+from rverror.base.spreadsheet import TABLES, table_rows
+from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.base.toml import Place, TomlText
 from rverror.model.catalogue import CATALOGUE
 
@@ -22,7 +21,7 @@ _EXAMPLE = "write a first line such as 'key, tolerance[um], distribution'"
 
 def is_table(name: str) -> bool:
     """Whether a file of this name is a table, not a TOML text."""
-    return Path(name).suffix.lower() in _READERS
+    return Path(name).suffix.lower() in TABLES
 
 
 def read_table(path: PathLike) -> TomlText:
@@ -40,7 +39,7 @@ def read_table(path: PathLike) -> TomlText:
         If the file cannot be read, a column is not known, or a cell cannot be what its column says.
     """
     name = str(path)
-    rows = _rows(path)
+    rows = table_rows(path)
     if not rows:
         raise InputError(f"{name}: the table is empty; {_EXAMPLE}")
     (line, heads), *body = rows
@@ -155,7 +154,7 @@ _READ: Mapping[str, Callable[[str, str, str], Any]] = {
 
 def column_of(path: Path, name: str | None, dimension: str) -> list[float]:
     """Values of a column ``name[unit]`` of a table, core units; of the only one where no name is given."""
-    rows = _rows(path)
+    rows = table_rows(path)
     example = f"size[{units.DISPLAY_UNITS[dimension]}]"
     if not rows:
         raise InputError(
@@ -187,19 +186,3 @@ def column_of(path: Path, name: str | None, dimension: str) -> list[float]:
             said = f"{shown(','.join(row))} has no number in column {at + 1}; correct it"
             raise InputError(f"{path}, line {number}: {said}") from error
     return values
-
-
-def _rows(path: PathLike) -> list[tuple[int, list[str]]]:
-    """Rows that hold anything, with their numbers."""
-    rows = _READERS.get(Path(str(path)).suffix.lower(), _csv_rows)(path)
-    return [(number, row) for number, row in rows if any(row) and not row[0].startswith("#")]
-
-
-def _csv_rows(path: PathLike) -> list[tuple[int, list[str]]]:
-    text = read_text(path)
-    head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    reader = csv.reader(text.splitlines(), delimiter=";" if head.count(";") > head.count(",") else ",")
-    return [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-
-
-_READERS = {".csv": _csv_rows, ".xlsx": sheet_rows}

@@ -84,7 +84,6 @@ def _written(made: WrittenTable) -> dict[str, Any]:
             between_points_rms_arcsec=("between", ANGLE),
             waves_rms_arcsec=("waves", ANGLE),
             slipped_by_one_degree_rms_arcsec=("slipped", ANGLE),
-            of_itself_arcsec=("of_itself", ANGLE),
             orders_left_out="left_out",
         ),
     }

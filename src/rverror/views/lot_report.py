@@ -73,8 +73,6 @@ _PROCESS = (
     Column("cp", ("capability", NUMBER), "cp", "Cp"),
     Column("cpk", ("capability_centred", NUMBER), "cpk", "Cpk"),
     Column("", "units_needed", "units_needed", "units for ± 25 %"),
-    Column("least_difference", OWN, "least_difference"),
-    Column("least_error", OWN, "least_error"),
 )
 #: Of a systematic error, a row of what has it and the error.
 _SHIFT = (
@@ -235,13 +233,6 @@ _NOT_MADE: Mapping[str, Field] = {
     "standard deviation below": ("deviation.high", OWN),
     "unit": _UNIT,
 }
-#: What one part has to be off to be found.
-_FOUND: Mapping[str, Field] = {
-    "one part, found in 95 %": process_name,
-    "off in half of the lot by": ("least_difference", OWN),
-    "off in one unit by": ("least_error", OWN),
-    "unit": _UNIT,
-}
 _COME = "Peak-to-peaks are those without the differences and changes named above."
 
 
@@ -274,7 +265,6 @@ def _lot_sheet(thing: Lot) -> Sheet:
         *map(Sentence, _lot_rivals(thing)),
         *map(Sentence, _diagnosed(thing)),
         *line(f"Found: no {', no '.join(none)}" if none else ""),
-        *listing([one for one in made if one.least_difference is not None], _FOUND),
         *listing(thing.predicted, for_people(_PREDICTED)),
         *line(_COME if thing.differences or thing.changes else ""),
         *notes(thing.notes),
