@@ -37,8 +37,9 @@ LIGHT = 0.2
 #: Conditions beside the load, and what they are called.
 NAMES = {"speed": "input speed", "temperature": "temperature"}
 _SHARED = {"constant": "constant", "torque": "load", "speed": "speed", "temperature": "temperature", "left": "left"}
-#: Of each case: NaN where a condition or the noise is not known.
-_CASE = [(name, np.float64) for name in ("order", "direction", "torque", *NAMES, "sigma")] + [("wave", np.complex128)]
+#: One order of a case, NaN where a condition or the noise is not known; number of the case, and its place there.
+_NUMBERS = ("order", "direction", "torque", *NAMES, "sigma")
+_ROW = np.dtype([(name, "f8") for name in _NUMBERS] + [("wave", "c16"), ("case", "i8"), ("place", "i8")])
 
 Cases = npt.NDArray[Any]
 Flags = npt.NDArray[np.bool_]
@@ -164,31 +165,40 @@ def passport(cases: Sequence[OrderCase], *, ratio: float | None = None) -> tuple
     >>> found.laws[0].slope.told, found.bent
     (True, False)
     """
-    if not cases:
-        raise InputError("there are no cases; give an order table with one or more conditions")
-    every = np.concatenate([_rows(number, case) for number, case in enumerate(cases, 1)])
+    every = rows_of(cases)
     every = every[np.argsort(every["order"], kind="stable")]
     groups = np.split(every, np.flatnonzero(np.diff(every["order"]) > SAME_ORDER) + 1)
     found = [_passport(group, ratio) for group in groups if group.size]
     return tuple(sorted(found, key=lambda one: (-one.amplitude, one.order)))
 
 
-def _rows(number: int, case: OrderCase) -> Cases:
-    """A case's orders as rows."""
-    at = case.condition
-    rows = np.empty(case.orders.size, dtype=_CASE)
-    given = {"direction": at.direction, "torque": at.torque, "speed": at.input_speed, "temperature": at.temperature}
-    for name, value in given.items():
-        if value is not None and not math.isfinite(value):
-            raise InputError(f"case {number}: {name} is not finite; leave out what is not known")
-        rows[name] = math.nan if value is None else value
-    if at.direction not in (-1.0, 1.0):
-        raise InputError(f"case {number}: direction = {at.direction!r}; give +1 forward or -1 reverse")
-    if at.torque is not None and at.torque < 0:
-        raise InputError(f"case {number}: torque = {at.torque:g} N*mm; give its size, 0 or larger")
-    rows["order"], rows["wave"] = case.orders, case.waves
-    rows["sigma"] = math.nan if case.sigma is None else case.sigma
-    return rows
+def rows_of(cases: Sequence[OrderCase]) -> Cases:
+    """Every order of every case as a row of an array.
+
+    Raises
+    ------
+    InputError
+        If there are no cases, or a condition cannot be used.
+    """
+    if not cases:
+        raise InputError("there are no cases; give an order table with one or more conditions")
+    found = []
+    for number, case in enumerate(cases):
+        at, rows = case.condition, np.empty(case.orders.size, dtype=_ROW)
+        given = {"direction": at.direction, "torque": at.torque, "speed": at.input_speed, "temperature": at.temperature}
+        for name, value in given.items():
+            if value is not None and not math.isfinite(value):
+                raise InputError(f"case {number + 1}: {name} is not finite; leave out what is not known")
+            rows[name] = math.nan if value is None else value
+        if at.direction not in (-1.0, 1.0):
+            raise InputError(f"case {number + 1}: direction = {at.direction!r}; give +1 forward or -1 reverse")
+        if at.torque is not None and at.torque < 0:
+            raise InputError(f"case {number + 1}: torque = {at.torque:g} N*mm; give its size, 0 or larger")
+        rows["order"], rows["wave"] = case.orders, case.waves
+        rows["sigma"] = math.nan if case.sigma is None else case.sigma
+        rows["case"], rows["place"] = number, np.arange(case.orders.size)
+        found.append(rows)
+    return np.concatenate(found)
 
 
 def _passport(cases: Cases, ratio: float | None) -> OrderPassport:

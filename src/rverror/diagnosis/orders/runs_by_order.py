@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.diagnosis.order_passport import SAME_SETTING, OrderPassport, passport
+from rverror.diagnosis.order_passport import SAME_SETTING, SAME_TEMPERATURE, OrderPassport, level_of, passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
-from rverror.diagnosis.orders.resonances import Resonance, resonances_of, settings_of
+from rverror.diagnosis.orders.resonances import Resonance, resonances_of
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
@@ -124,12 +124,12 @@ def slowest(cases: Sequence[OrderCase]) -> list[int]:
     -------
     list of int
     """
-    least: dict[tuple[float, int, int], float] = {}
-    keys = settings_of(cases)
-    speeds = [case.condition.input_speed or 0.0 for case in cases]
-    for key, speed in zip(keys, speeds, strict=True):
-        least[key] = min(speed, least.get(key, speed))
-    return [
-        at for at, (key, speed) in enumerate(zip(keys, speeds, strict=True))
-        if speed <= least[key] * (1 + SAME_SETTING)
-    ]  # fmt: skip
+    at = [case.condition for case in cases]
+    direction, torque, speed, temperature = np.array(
+        [(one.direction, one.torque, one.input_speed, one.temperature) for one in at], dtype=np.float64
+    ).T
+    torques = level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0)))
+    alike = np.stack([direction, torques, level_of(temperature, SAME_TEMPERATURE)], axis=1)
+    speed = np.nan_to_num(speed)
+    least = np.array([speed[(alike == own).all(axis=1)].min() for own in alike])
+    return np.flatnonzero(speed <= least * (1 + SAME_SETTING)).tolist()
