@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,20 +79,12 @@ def walk(seed: int, n: int, step: float, white: float = 0.3) -> np.ndarray:
 
 @pytest.mark.parametrize("step", [0.005, 0.05, 1.0])
 def test_a_random_walk_alone_seldom_gets_an_effect(step: float) -> None:
-    """Over one turn a slope and a wave of order 1 are the walk's: beside noise without them most had one.
-
-    A small walk is told beside the noise with its step, of a large one lags of the noise say all.
-    """
+    """Over one turn a slope and a wave of order 1 are the walk's: beside noise without them most had one."""
     time, theta = turns(1500, 1)
     found = [diagnose_drive(DRIVE, [record(time, theta, walk(seed, time.size, step))]) for seed in range(8)]
     assert sum(d.added != () for d in found) <= 1
     quiet = next(d for d in found if d.verdict == "nothing_missing")
     assert quiet.noise_rms == pytest.approx(quiet.after.rms, rel=0.25)
-    told = [
-        re.search(r"noise is white, beside a random walk of (\S+) arcsec a sample", "\n".join(d.notes)) for d in found
-    ]
-    if step < 0.3:
-        assert np.median([float(one[1]) for one in told if one]) == pytest.approx(step, rel=0.1)
 
 
 def test_samples_that_say_the_same_are_not_counted_twice() -> None:

@@ -33,6 +33,12 @@ _STEPS = 20  # of a refit at the load, at most.  Chosen for time
 _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
 
 
+def conditions_of(fit: Fit) -> TableSet:
+    """The conditions of tables, of a fit to them."""
+    assert isinstance(fit.bench, TableSet)
+    return fit.bench
+
+
 @dataclass(frozen=True, eq=False)
 class Linear:
     """The table about a state of the fit: everything that is free, and blocks beside it.
@@ -53,8 +59,7 @@ class Linear:
     @property
     def bench(self) -> TableSet:
         """The conditions."""
-        assert isinstance(self.fit.bench, TableSet)
-        return self.fit.bench
+        return conditions_of(self.fit)
 
     @cached_property
     def free(self) -> Flags:
@@ -334,8 +339,7 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     Of the M values that a law over the load has p sizes that mean nothing take a share x or more with the chance of
     the beta distribution of p/2 and (M - p)/2: where there are as many sizes as values that is 1.
     """
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     bare, at = _leading(fit, number)
     before, after = Linear(bare).squares, Linear(fit).squares
     sizes = len(fit.added[number].values)

@@ -468,3 +468,26 @@ def without(cases: Sequence[OrderCase], parts: Sequence[Array]) -> tuple[OrderCa
         replace(case, waves=case.waves - real - 1j * imaginary)
         for case, (real, imaginary) in zip(cases, halves, strict=True)
     )
+
+
+def slowest(cases: Sequence[OrderCase]) -> list[int]:
+    """Numbers of the cases of the least speed among those alike in direction, load and temperature.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+        A case without a speed is kept.
+
+    Returns
+    -------
+    list of int
+    """
+    at = [case.condition for case in cases]
+    direction, torque, speed, temperature = np.array(
+        [(one.direction, one.torque, one.input_speed, one.temperature) for one in at], dtype=np.float64
+    ).T
+    torques = level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0)))
+    alike = np.stack([direction, torques, level_of(temperature, SAME_TEMPERATURE)], axis=1)
+    speed = np.nan_to_num(speed)
+    least = np.array([speed[(alike == own).all(axis=1)].min() for own in alike])
+    return np.flatnonzero(speed <= least * (1 + SAME_SETTING)).tolist()

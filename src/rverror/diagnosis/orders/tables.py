@@ -22,8 +22,8 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
-from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
-from rverror.diagnosis.orders.resonances import resonances_of, resonant_parts, without
+from rverror.diagnosis.orders.order_search import Linear, chance, conditions_of, described, rivals, searched
+from rverror.diagnosis.orders.resonances import resonances_of, resonant_parts, slowest, without
 from rverror.diagnosis.orders.table_set import TableSet, joined, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import (
@@ -83,7 +83,7 @@ def diagnose_tables(
     notes += said + _conditions(cases) + critical_notes(declared, cases, resonances)
     journal = Journal(tell)
     tell(f"predicting the declared model under {len(cases)} conditions")
-    some = _some_loads(cases)
+    some = _some_of(cases)
     made = partial(table_set, unit, policy=policy, anywhere=anywhere, prior=prior)
     plain = made(cases, noise)
     wide = plain.with_discrepancy(policy.line_share)
@@ -93,7 +93,9 @@ def diagnose_tables(
     candidates = candidates_of(model, bench, policy)
     notes += bench.prior.notes(candidates)
     found = searched(root, candidates, journal)
-    complete = _complete_set(root, found, candidates, given, journal)
+    # what changes with the speed alone is in no model, so no set of causes leaves noise
+    one_speed = len({case.condition.input_speed for case in cases}) == 1
+    complete = _complete_set(root, found, candidates, given, journal) if one_speed else None
     if complete is not None:
         found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
@@ -144,7 +146,6 @@ def diagnose_tables(
         elastic=elastic,
         passport=passport(measured, ratio=unit.ratio),
         shares=_shares(final),
-        conditions=tuple(case.condition for case in cases),
         resonances=resonances,
     )
 
@@ -199,13 +200,13 @@ def _conditions(cases: Sequence[OrderCase]) -> list[str]:
     return [note for note, holds in notes.items() if holds]
 
 
-def _some_loads(cases: Sequence[OrderCase]) -> list[int]:
-    """Conditions of a few loads of each direction, evenly from the smallest to the largest, but for no load."""
+def _some_of(cases: Sequence[OrderCase]) -> list[int]:
+    """The slowest conditions of a few loads of each direction, evenly from the smallest to the largest."""
     loads = sorted({case.condition.torque or 0.0 for case in cases})
     if len(loads) > _LOADS:
         loads = [load for load in loads if load > 0]
         loads = [loads[round(at)] for at in np.linspace(0, len(loads) - 1, _LOADS)]
-    return [n for n, case in enumerate(cases) if (case.condition.torque or 0.0) in loads]
+    return [n for n in slowest(cases) if (cases[n].condition.torque or 0.0) in loads]
 
 
 def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
@@ -257,8 +258,7 @@ def widened(fit: Fit) -> list[Array]:
     What causes leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
     drive declared sizes and stiffness to many times their uncertainty to make up for it.
     """
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     more = np.sqrt(np.maximum(Linear(fit).squares / bench.values[0], 1.0))
     return [sigma * more[at] for sigma, at in zip(bench.sigmas, bench.places, strict=True)]
 
@@ -273,8 +273,7 @@ def _rms_of(rests: Sequence[Array]) -> float:
 
 def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
     """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     more = unknown or [np.zeros_like(rest) for rest in left]
     rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
     return Residual(_rms_of(rests), _peaks(bench, rests), _rms_of(held))
@@ -307,8 +306,7 @@ def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
 
 def _reach(fit: Fit, variance: float) -> float:
     """Half width of an interval; what is left counts as noise of its size already."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     free = int(fit.free.sum())
     spare = max(float(bench.values[1].sum()) - free, 4.0)
     return math.sqrt(variance) * student((1 - bench.policy.confidence) / 2, spare)
@@ -358,16 +356,14 @@ def _parts(fit: Fit) -> list[list[Array]]:
 
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     power = bench.by_order(part**2 for part in _parts(fit)[number])
     return leading(bench.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     laws = _parts(fit)[named:]
     rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
     squares = bench.by_order((rest / s) ** 2 for rest, s in zip(rests, bench.sigmas, strict=True))
@@ -395,8 +391,7 @@ def _kind(entry: Source) -> str:
 
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     measured = [sight.measured for sight in bench.sights]
 
     def along(parts: Sequence[Array]) -> Array:

@@ -25,7 +25,7 @@ from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition, Diagnosis, Progress, Trace
 from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
-from rverror.diagnosis.samples.records import DriveRecord, records_of_drive
+from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -87,9 +87,11 @@ def diagnose_drive(
     for name in candidates:
         if identity(name) not in {named(e) for e in best.fit.added}:
             journal.note("fell", name, "not significant under the noise of the runs, or no more than what was tried")
+    if len({sense for record in records for sense in record.senses}) == 1:
+        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
     journal.tell("searching the residual for lines of any order")
     # what is left of a drive changes nothing of what a cause makes, so all that was found is told
-    found = account(declared, declared, runs, last, last.root, best, True, [*notes, *_told(best.fit)])
+    found = account(declared, declared, runs, last, last.root, best, True, notes)
     found = replace(found, tried=len(candidates), added=_in_order(best, found.added))
     return _as_torque(found, model, records[0].unit) if torque else found
 
@@ -103,23 +105,6 @@ def _in_order(best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ..
         found.append((source(one.effect.key).periodic, -float(made @ made), one))
         first = last
     return tuple(one for *_, one in sorted(found, key=lambda row: row[:2]))
-
-
-def _told(fit: Fit) -> list[str]:
-    """What the noise is like, and what the runs lack."""
-    notes = []
-    for record in fit.bench.records:
-        assert isinstance(record, DriveRecord)
-        assert record.noise is not None
-        lags = record.noise.coefficients.size
-        colour = f"coloured: each sample depends on the {lags} before" if lags else "white"
-        if record.noise.step:
-            step, unit = record.in_units(record.noise.step)
-            colour += f", beside a random walk of {step:.2g} {unit} a sample"
-        notes.append(f"{record.name}: noise is {colour}")
-    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
-        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
-    return notes
 
 
 def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
