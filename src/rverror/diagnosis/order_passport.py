@@ -18,7 +18,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.diagnosis.passport_kinds import kinds_of
-from rverror.diagnosis.wave_fit import CONFIDENCE, BothWays, WaveFit, WavePart, both_ways, fit_waves
+from rverror.diagnosis.wave_fit import CONFIDENCE, BothWays, DirectionLaw, WaveFit, both_ways, fit_waves
 from rverror.runs.order_table import OrderCase, Waves
 
 #: Orders that lie nearer are one.
@@ -43,49 +43,6 @@ _ROW = np.dtype([(name, "f8") for name in _NUMBERS] + [("wave", "c16"), ("case",
 
 Cases = npt.NDArray[Any]
 Flags = npt.NDArray[np.bool_]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DirectionLaw:
-    """One order in one direction of motion.
-
-    Attributes
-    ----------
-    direction : float
-        +1 forward, -1 reverse.
-    cases : int
-        How many hold the order.
-    constant : WavePart
-        rad; at no load where `slope` is told, else the mean over the torques; at the reference speed and temperature.
-    slope : WavePart or None
-        rad per N*mm of the size of the torque; None below three torques.
-    temperature : WavePart or None
-        rad per K.
-    speed : WavePart or None
-        rad per rad/s of input speed.
-    not_told : tuple of str
-        What the cases do not tell apart, and why.
-    bent : bool
-        Whether the straight law does not hold: the misfit is larger than the noise, or light loads bend it.
-    noise : float
-        Standard deviation of real and imaginary part of a case that the discs stand on, rad.
-    torque : ndarray, shape (n,)
-        the size of the torque of the cases that the law was read from, N*mm, growing; NaN where not known.
-    waves : ndarray of complex, shape (n,)
-        Their waves, rad.
-    """
-
-    direction: float
-    cases: int
-    constant: WavePart
-    slope: WavePart | None
-    temperature: WavePart | None
-    speed: WavePart | None
-    not_told: tuple[str, ...]
-    bent: bool
-    noise: float
-    torque: Array
-    waves: Waves
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

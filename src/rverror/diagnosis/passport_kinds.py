@@ -6,12 +6,8 @@ Every sentence says what can be, not what is: other causes leave the same, and t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from rverror.diagnosis.wave_fit import BothWays, WavePart
-
-if TYPE_CHECKING:
-    from rverror.diagnosis.order_passport import DirectionLaw
+from rverror.diagnosis.wave_fit import BothWays, DirectionLaw, WavePart
 
 #: Share of an order's amplitude below which a part is not named: in quadrature it is a two-hundredth of the size.
 NAMED = 0.1

@@ -10,8 +10,8 @@ import numpy as np
 
 from rverror.base.numbers import brief, in_arcsec, rounded, way
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.order_passport import DirectionLaw, OrderPassport
-from rverror.diagnosis.wave_fit import CONFIDENCE, WavePart
+from rverror.diagnosis.order_passport import OrderPassport
+from rverror.diagnosis.wave_fit import CONFIDENCE, DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import BESIDE
 from rverror.views.blocks import Sentence, Sheet, grid

@@ -355,7 +355,7 @@ def _minimum(left: Callable[..., Array], *ranges: tuple[float, float]) -> tuple[
     for _ in range(_ZOOMS):
         axes = [np.geomspace(*ends, _FINE) for ends in ranges]
         total = left(*(grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")))
-        least = np.unravel_index(int(np.argmin(total)), (_FINE,) * len(axes))
+        least = [int(at) for at in np.unravel_index(int(np.argmin(total)), (_FINE,) * len(axes))]
         ranges = tuple(
             (float(axis[max(at - 1, 0)]), float(axis[min(at + 1, _FINE - 1)]))
             for axis, at in zip(axes, least, strict=True)
