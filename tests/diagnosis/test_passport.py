@@ -60,7 +60,7 @@ def test_a_disc_holds_two_squares_over_their_noise(freedom: float) -> None:
     draws = 40_000
     size = np.hypot(*rng.normal(size=(2, draws)))
     estimate = np.sqrt(rng.chisquare(freedom, draws) / freedom)
-    within = float(np.mean(size <= disc_factor(0.95, freedom) * estimate))
+    within = float(np.mean(size <= disc_factor(freedom) * estimate))
     assert abs(within - 0.95) < 4 * math.sqrt(0.95 * 0.05 / draws)
 
 
@@ -211,11 +211,12 @@ def test_temperature_that_goes_with_the_load_is_not_told() -> None:
 
 def test_constants_at_other_conditions_are_not_compared() -> None:
     forward = table(lambda *_: 1e-6, directions=(1.0,), sigma=1e-8)
-    assert one(forward + table(lambda *_: 1e-6, directions=(-1.0,), sigma=1e-8)).alike
+    both = one(forward + table(lambda *_: 1e-6, directions=(-1.0,), sigma=1e-8))
+    assert both.constants is not None
+    assert both.constants.relation == "alike"
     other = table(lambda *_: 1e-6, directions=(-1.0,), temperatures=(318.0,), sigma=1e-8)
     found = one(forward + other)
     assert found.constants is None
-    assert not found.alike
 
 
 @pytest.mark.parametrize(
@@ -229,10 +230,8 @@ def test_load_parts_of_both_directions(reverse: complex, relation: str) -> None:
     )
     assert found.loads is not None
     assert found.loads.relation == relation
-    assert (found.alike_load, found.opposite, found.mirrored) == tuple(
-        relation == one for one in ("alike", "opposite", "mirrored")
-    )
-    assert found.alike  # of the constants
+    assert found.constants is not None
+    assert found.constants.relation == "alike"
     assert any("grows with the load" in kind for kind in found.kinds)
     assert any("constant over the load and alike" in kind for kind in found.kinds)
     # one compliance for both senses of the torque has the opposite sign: it is not named of what is alike
@@ -241,7 +240,7 @@ def test_load_parts_of_both_directions(reverse: complex, relation: str) -> None:
 
 def test_noise_leaves_a_relation_open() -> None:
     faint = WavePart(value=1e-7, deviation=1e-7, radius=3e-7, freedom=20.0)
-    assert both_ways(faint, faint, confidence=0.95).relation is None
+    assert both_ways(faint, faint).relation is None
 
 
 def test_light_loads_that_bend_are_flagged_and_inside_the_intervals() -> None:
@@ -259,7 +258,6 @@ def test_light_loads_that_bend_are_flagged_and_inside_the_intervals() -> None:
         for law in found.laws:
             assert law.slope is not None
             assert law.bent
-            assert law.deviation_torque == 0.0
             assert abs(law.constant.value - constant) <= law.constant.radius
             assert abs(law.slope.value - slope) <= law.slope.radius
 
@@ -272,39 +270,32 @@ def by_hand(design: np.ndarray, waves: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return value, np.sqrt(2 * f.ppf(0.95, 2, freedom) * variance)
 
 
-def test_discs_reach_farther_by_what_a_case_astray_or_a_bend_moves() -> None:
+def test_discs_reach_farther_by_what_a_bend_moves() -> None:
     rng = np.random.default_rng(8)
     load = np.linspace(0.0, 1.8, 12)
     design = np.stack([np.ones(12), load], axis=1)
     waves = 1.0 + 2j * load + 0.01 * (rng.normal(size=12) + 1j * rng.normal(size=12))
-    plain = fit_waves(design, waves, confidence=0.95)
+    plain = fit_waves(design, waves)
     assert [part.radius for part in plain.parts] == pytest.approx(by_hand(design, waves)[1])
     assert not plain.bent
-
-    astray = waves + np.where(load == load[-1], 1.0, 0.0)
-    value, radius = by_hand(design, astray)
-    moved = np.abs(value - by_hand(design[:-1], astray[:-1])[0])
-    found = fit_waves(design, astray, confidence=0.95)
-    assert found.bent
-    assert [part.radius for part in found.parts] == pytest.approx(radius + moved)
 
     bend = np.exp(-load / 0.5)
     curved = waves + 0.3 * bend
     value, radius = by_hand(design, curved)
     moved = np.abs(value - by_hand(np.column_stack([design, bend]), curved)[0][:2])
-    found = fit_waves(design, curved, confidence=0.95, bend=bend)
+    found = fit_waves(design, curved, bend=bend)
     assert found.bent
     assert [part.radius for part in found.parts] == pytest.approx(radius + moved)
 
 
 def test_straight_laws_are_seldom_called_bent() -> None:
-    """Runs, a bend, one astray, and a misfit beyond sigma: each once in a hundred."""
+    """A bend, and a misfit beyond sigma: each once in a hundred."""
     draws = 400
     bent = sum(
         one(table(lambda d, q, v, t: 1e-6 + 1e-12 * q, directions=(1.0,), noise=1e-7, sigma=1e-7, seed=seed)).bent
         for seed in range(draws)
     )
-    assert bent <= draws * 0.04 + 4 * math.sqrt(draws * 0.04 * 0.96)
+    assert bent <= draws * 0.02 + 4 * math.sqrt(draws * 0.02 * 0.98)
 
 
 def test_a_sigma_too_small_is_seen_and_widened() -> None:
@@ -323,50 +314,6 @@ def resonance(speed: float, *, at: float, damping: float = 0.03) -> complex:
 
 
 SPEEDS = tuple(np.arange(10.0, 190.0, 10.0))
-
-
-def test_a_peak_over_speed_lies_between_its_neighbours() -> None:
-    found = one(
-        table(
-            lambda d, q, v, t: 1e-6 * resonance(v, at=113.0) * (1 + q / 1e6),
-            order=240.0,
-            directions=(1.0,),
-            torques=(2e5, 1e6, 1.6e6),
-            speeds=SPEEDS,
-            noise=2e-8,
-        ),
-        ratio=-81.0,
-    )
-    peak = found.peak
-    assert peak is not None
-    assert peak.low < 113.0 < peak.high
-    assert peak.speed in (110.0, 120.0)
-    assert (peak.series, peak.of) == (3, 3)
-    assert peak.frequency == pytest.approx(240.0 * peak.speed / (2 * math.pi * 81.0))
-    assert any("natural frequency near" in kind for kind in found.kinds)
-
-
-@pytest.mark.parametrize(
-    "law",
-    [
-        lambda d, q, v, t: 1e-6 * v,  # the largest at the end
-        lambda d, q, v, t: 1e-6 if v < 120 else 5e-6 + 2e-7 * (v == 150),  # a step
-        lambda d, q, v, t: 0.0,  # noise alone
-        lambda d, q, v, t: 1e-6 * (1 + 0.5 * (v == 90)),  # no twice the median
-    ],
-)
-def test_what_is_no_peak(law: Law) -> None:
-    for seed in range(20):
-        assert one(table(law, directions=(1.0,), torques=(1e6,), speeds=SPEEDS, noise=2e-8, seed=seed)).peak is None
-
-
-def test_three_speeds_without_any_noise_known_tell_no_peak() -> None:
-    cases = table(
-        lambda d, q, v, t: 1e-6 * (1 + 9 * (v == 20)), directions=(1.0,), torques=(1e6,), speeds=(10.0, 20.0, 30.0)
-    )
-    assert one(cases[:3]).peak is None
-    stated = [OrderCase(condition=c.condition, orders=c.orders, waves=c.waves, sigma=np.array([1e-7])) for c in cases]
-    assert one(stated).peak is not None
 
 
 def test_a_resonance_leaves_the_law_at_the_reference_alone() -> None:
@@ -435,15 +382,9 @@ def test_conditions_that_cannot_be_used(changes: dict[str, float], says: str) ->
         passport([OrderCase(condition=condition, orders=np.array([1.0]), waves=np.array([1e-6 + 0j]))])
 
 
-def test_arguments_that_cannot_be_used() -> None:
-    cases = table(lambda *_: 1e-6)
-    for options in ({"confidence": 1.0}, {"ratio": 0.0}, {"ratio": math.inf}):
-        with pytest.raises(InputError, match=next(iter(options))):
-            passport(cases, **options)
+def test_no_cases_are_refused() -> None:
     with pytest.raises(InputError, match="no cases"):
         passport([])
-    with pytest.raises(InputError, match="sigma"):
-        passport(table(lambda *_: 1e-6, sigma=0.0))
 
 
 def test_cases_without_conditions_give_constants() -> None:
@@ -454,12 +395,11 @@ def test_cases_without_conditions_give_constants() -> None:
     found = one(cases)
     assert found.laws[0].not_told == ("load is not told: no case holds a torque",)
     assert found.laws[0].constant.told
-    assert found.peak is None
 
 
 def test_weights_follow_sigma() -> None:
     """Two waves of unlike noise: their weighted mean, by hand."""
-    fit = fit_waves(np.ones((2, 1)), np.array([1.0 + 0j, 2.0]), confidence=0.95, sigma=np.array([1.0, 2.0]))
+    fit = fit_waves(np.ones((2, 1)), np.array([1.0 + 0j, 2.0]), sigma=np.array([1.0, 2.0]))
     assert fit.parts[0].value == pytest.approx((1.0 + 2.0 / 4) / (1 + 1 / 4))
     assert fit.parts[0].deviation == pytest.approx(1 / math.sqrt(1 + 1 / 4))
 

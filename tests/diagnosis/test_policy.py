@@ -51,7 +51,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_ELSEWHERE", "_MARKS_APART", "_RIPPLES", "_SETTLES", "_SHORT_GAP",
         "_LIGHT_LOAD", "TORQUE_SHARE", "_INERTIA_SPREAD",  # of what is known of a bench before
         "_DOUBTED", "_BESIDE", "_SLOWEST", "_ROUNDED",  # of what a run and a contact may be
-        "_NOTHING", "_APART", "_IN_SPAN", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE",  # of rounding
+        "_NOTHING", "_APART", "_TRACE", "_EVEN", "_ROUNDING", "_HALF", "_TORQUE",  # of rounding
         "_BLOCK", "_KEPT", "_ANY",  # of how it is computed
         "_SAMPLES_A_WAVE", "_DRAG", "_GUESSED", "_LEAST_GUESS", "_LOADS_OF_A_LAW", "_LOADS", "_HARMONICS",  # of a table
         "_WAVES",  # of a passport
@@ -61,7 +61,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "SCALES", "_SHRUNK", "_REGULAR",  # of a ranking
         "_PLACING",  # of unknown marks
         "_LEAST_SPEEDS",
-        "_STEP", "_FINE", "_REACH", "_LIGHTEST", "_HEAVIEST", "_ZOOMS", "_SHARES", "_TRIES",  # of natural frequencies
+        "_STEP", "_FINE", "_REACH", "_LIGHTEST", "_HEAVIEST", "_ZOOMS", "_OFF", "_GAP", "_TRIES",  # of resonances
     }  # fmt: skip
     passport = {"order_passport.py", "passport_kinds.py", "wave_fit.py"}  # names no cause; its levels are on its page
     for file in (ROOT / "src" / "rverror" / "diagnosis").rglob("*.py"):

@@ -570,10 +570,10 @@ def table_to_names(p: Played, says: Prose) -> None:
         "Order 3 has nothing without a load and grows with it, with opposite sign in the two directions: something "
         "that lags behind its torque."
     )
-    assert laws[3].opposite
+    assert laws[3].loads.relation == "opposite"
     assert not any(law.constant.told for law in laws[3].laws)
     says("Order 7 has both, and its load part is alike in both directions")
-    assert laws[7].alike_load
+    assert laws[7].loads.relation == "alike"
     assert all(law.constant.told and law.slope.told for law in laws[7].laws)
     says("The other orders are no more than the noise")
     for order, one in laws.items():

@@ -78,14 +78,6 @@ def test_json_is_in_arcsec_and_newton_metres(found: tuple[OrderPassport, ...]) -
     assert data[1.0]["low"] < data[1.0]["amplitude_arcsec"] < data[1.0]["high"]
 
 
-def test_the_peak_is_in_rpm_and_hertz(found: tuple[OrderPassport, ...]) -> None:
-    peak = by_order(passport_json(found))[240.0]["peak"]
-    assert peak["low_rpm"] < 1130 < peak["high_rpm"]
-    # 240 waves an output turn, which takes 81 input turns
-    assert peak["frequency_hz"] == pytest.approx(peak["input_speed_rpm"] / 60 / 81 * 240)
-    assert by_order(passport_json(found))[1.0]["peak"] is None
-
-
 def test_a_part_that_can_be_zero_has_no_phase(found: tuple[OrderPassport, ...]) -> None:
     parts = [
         part

@@ -55,8 +55,12 @@ def _in_gears(entry: Source) -> bool:
     return not entry.at_output
 
 
-def _has(*dimensions: str) -> Callable[[Source], bool]:
-    return lambda entry: any(parameter.dimension in dimensions for parameter in entry.parameters)
+def _gives_way(entry: Source) -> bool:
+    return any(parameter.dimension == "compliance" for parameter in entry.parameters)
+
+
+def _warms(entry: Source) -> bool:
+    return any(parameter.dimension == "temperature_rise" for parameter in entry.parameters)
 
 
 def _is_drift(entry: Source) -> bool:
@@ -76,176 +80,139 @@ def _depends_on_load(entry: Source) -> bool:
     return entry.frame == "bearing" or any(parameter.least == 0.0 for parameter in entry.parameters)
 
 
-def _percent(shares: Sequence[float]) -> str:
-    low, high = (100 * share for share in (min(shares), max(shares)))
-    if high < 1:
-        return "less than 1 %"
-    return f"{low:.0f} %" if round(low) == round(high) else f"{low:.0f} to {high:.0f} %"
-
-
-def _load(bench: Circumstances, mechanism: Mechanism, factor: float) -> str:
-    """``, for instance 2 N*m where these had 20 N*m``; nothing where no load is known."""
-    known = sorted(bench.torques)
-    if not known:
-        return ""
-    now = known[0] if factor < 1 else known[-1]
-    wanted = factor * now
-    if isinstance(mechanism, Reducer) and mechanism.rated_torque and factor > 1:
-        wanted = min(wanted, mechanism.rated_torque)
-        if wanted < 1.5 * now:
-            return ""
-    high, low = (f"{to_display(value, 'torque'):.3g} N*m" for value in (wanted, now))
-    return f", for instance {high} where these had {low}"
-
-
-def _other_direction(bench: Circumstances) -> str:
-    return "in reverse" if bench.directions == {1.0} else "forward"
-
-
-def _another_speed(bench: Circumstances) -> str:
-    one_way = len(bench.directions) == 1
-    return "a run at another speed" + (f", and one {_other_direction(bench)}" if one_way else "")
-
-
-def _alike_over_a_part(pairs: Sequence[Pair]) -> str:
-    """That a part of a turn hides what whole turns show."""
-    low, high = pairs[0].bench.travel or (0.0, 2 * math.pi)
-    named, others = pairs[0].effect, " or ".join(describe(*pair.other) for pair in pairs)
-    return (
-        f"over {math.degrees(high - low):.3g} deg {describe(named.key, named.indices)} cannot be told from {others} "
-        f"({_percent([p.now for p in pairs])} of the waveform differs), over whole turns "
-        f"{_percent([p.whole for p in pairs])} does"
-    )
-
-
 @dataclass(frozen=True)
 class _Rule:
-    """When a measurement separates a pair, and how to say it."""
+    """When a measurement separates a pair, and how to say it; in braces stands what `_words` has."""
 
     name: str
+    what: str
+    why: str
     helps: Callable[[Pair], bool]
-    what: Callable[[Circumstances, Mechanism], str]
-    why: Callable[[Sequence[Pair]], str]
-
-
-def _always(text: str) -> Callable[[object], str]:
-    return lambda _: text
-
-
-def _plain(text: str) -> Callable[[Circumstances, Mechanism], str]:
-    return lambda bench, mechanism: text
 
 
 #: The surest and cheapest first; each pair takes every rule that helps.
 _RULES = (
     _Rule(
         "marks",
+        "the same runs with the bench's zero on the marks of crank and carrier",
+        "they differ in phase alone, which an unknown zero hides",
         lambda p: not p.bench.marks and p.effect.key == p.other[0],
-        _plain("the same runs with the bench's zero on the marks of crank and carrier"),
-        _always("they differ in phase alone, which an unknown zero hides"),
-    ),
-    _Rule(
-        "sampling",
-        lambda p: p.folded_together,
-        lambda bench, mechanism: f"runs with {_needed(mechanism)} samples an output turn or more",
-        _always("their orders differ, but fold onto each other at this sampling"),
     ),
     _Rule(
         "reverse",
-        lambda p: (
-            len(p.bench.directions) == 1 and p.differs(p.both) and p.differs(p.both, p.now) and not p.either(_is_drift)
-        ),
-        lambda bench, mechanism: f"a run {_other_direction(bench)} at the same load",
-        lambda pairs: (
-            f"in one direction another leaves {_percent([p.now for p in pairs])} of the waveform, in both "
-            f"directions together {_percent([p.both for p in pairs])}"
-        ),
+        "a run {direction} at the same load",
+        "in one direction another leaves {now} of the waveform, in both directions together {both}",
+        lambda p: len(p.bench.directions) == 1 and p.differs(p.both, p.now) and not p.either(_is_drift),
     ),
     _Rule(
         "whole turn",
+        "a run over a whole output turn or more",
+        "over {travel} deg {named} cannot be told from {others} ({now} of the waveform differs), over whole turns "
+        "{whole} does",
         lambda p: p.bench.travel is not None and p.differs(p.whole, p.now),
-        _plain("a run over a whole output turn or more"),
-        _alike_over_a_part,
     ),
     _Rule(
         "return",
+        "a run there and back over the same angles at once",
+        "a drift goes on with the time; what follows the angle retraces its way, what the speed changes sign",
         lambda p: p.one_of(_is_drift),
-        _plain("a run there and back over the same angles at once"),
-        _always("a drift goes on with the time; what follows the angle retraces its way, what the speed changes sign"),
     ),
     _Rule(
         "speed",
+        "a run at another speed{and_back}",
+        "a delay shifts the reading in proportion to the speed; nothing else does",
         lambda p: p.one_of(is_delay),
-        lambda bench, mechanism: _another_speed(bench),
-        _always("a delay shifts the reading in proportion to the speed; nothing else does"),
     ),
     _Rule(
         "encoder",
+        "the same runs with the output encoder remounted by 90 degrees",
+        "the encoder's own error turns with it, nothing else does",
         lambda p: p.one_of(_is_reading),
-        _plain("the same runs with the output encoder remounted by 90 degrees"),
-        _always("the encoder's own error turns with it, nothing else does"),
     ),
     _Rule(
         "input coupling",
+        "the same runs with the input encoder or its coupling remounted by 90 degrees on the input shaft",
+        "an error of encoder or coupling turns with it, one inside the drive does not",
         lambda p: p.one_of(_is_input_coupling),
-        _plain("the same runs with the input encoder or its coupling remounted by 90 degrees on the input shaft"),
-        _always("an error of encoder or coupling turns with it, one inside the drive does not"),
     ),
     _Rule(
         "temperature",
-        lambda p: p.one_of(_has("temperature_rise")),
-        _plain("the same run at a temperature 20 K higher or lower"),
-        _always("thermal growth follows the temperature; the others stay"),
-    ),
-    _Rule(
-        "two loads",
-        lambda p: p.one_of(_has("compliance")) or (p.one_of(_depends_on_load) and p.both_are(_in_gears)),
-        lambda bench, mechanism: f"a run at a much heavier load{_load(bench, mechanism, 10)}",
-        _always("what play and compliance do changes with the load; a part error's waveform settles as pins close"),
+        "the same run at a temperature 20 K higher or lower",
+        "thermal growth follows the temperature; the others stay",
+        lambda p: p.one_of(_warms),
     ),
     _Rule(
         "heavy load",
-        lambda p: p.both_are(_in_gears) and p.differs(p.now) and not p.one_of(_depends_on_load),
-        lambda bench, mechanism: f"a run at a much heavier load{_load(bench, mechanism, 10)}",
-        lambda pairs: (
-            "with all loaded pins closed the waveforms are the linear ones, and "
-            f"{_percent([p.now for p in pairs])} of one is then out of the other's reach"
-        ),
+        "a run at a much heavier load{heavier}",
+        "what play and compliance do changes with the load; a part error's waveform settles as pins close, and "
+        "{now} of it is then out of the other's reach",
+        lambda p: p.one_of(_gives_way) or (p.both_are(_in_gears) and (p.one_of(_depends_on_load) or p.differs(p.now))),
     ),
     _Rule(
         "light load",
+        "a run at a much lighter load{lighter}",
+        "under full contact their waveforms are one and the same; at light load each lifts other pins off, and only "
+        "that can break the tie",
         lambda p: p.both_are(_in_gears) and not p.differs(p.both),
-        lambda bench, mechanism: f"a run at a much lighter load{_load(bench, mechanism, 0.1)}",
-        _always(
-            "under full contact their waveforms are one and the same; at light load each lifts other pins off, "
-            "and only that can break the tie"
-        ),
     ),
     _Rule(
         "longer",
+        "a longer run: four times as many revolutions, or cycles of the motion, halve what noise leaves open",
+        "their waveforms differ by {now}, less than the noise resolves",
         lambda p: p.differs(p.now),
-        _plain("a longer run: four times as many revolutions, or cycles of the motion, halve what noise leaves open"),
-        lambda pairs: f"their waveforms differ by {_percent([p.now for p in pairs])}, less than the noise resolves",
-    ),
-    _Rule(
-        "shared zero",
-        lambda p: not p.bench.shared_zero and p.both_are(_in_gears) and p.differs(p.zero, p.both),
-        _plain("forward and reverse runs from one zero, both with the same '# index:' label"),
-        _always("their lost motion differs, which counts as far as backlash and clearances are known"),
     ),
 )
 _LAST = _Rule(
     "parts",
+    "the parts themselves, on a measuring machine",
+    "no run on this bench is known to separate them",
     lambda p: True,
-    _plain("the parts themselves, on a measuring machine"),
-    _always("no run on this bench is known to separate them"),
 )
 
 #: What proves a cause that nothing else explains as well.
-_PROOFS: tuple[tuple[str, Callable[[Source], bool]], ...] = (
-    ("encoder", _is_reading),
-    ("input coupling", _is_input_coupling),
-)
+_PROOFS = {"encoder": _is_reading, "input coupling": _is_input_coupling}
+
+
+def _words(bench: Circumstances, mechanism: Mechanism, pairs: Sequence[Pair]) -> dict[str, str]:
+    """What rules fill in."""
+    low, high = bench.travel or (0.0, 2 * math.pi)
+    direction = _other_direction(bench)
+    return {
+        "direction": direction,
+        "and_back": f", and one {direction}" if len(bench.directions) == 1 else "",
+        "heavier": _load(bench, mechanism, 10),
+        "lighter": _load(bench, mechanism, 0.1),
+        "travel": f"{math.degrees(high - low):.3g}",
+        "named": describe(pairs[0].effect.key, pairs[0].effect.indices) if pairs else "",
+        "others": " or ".join(describe(*pair.other) for pair in pairs),
+        "now": _percent([pair.now for pair in pairs]),
+        "both": _percent([pair.both for pair in pairs]),
+        "whole": _percent([pair.whole for pair in pairs]),
+    }
+
+
+def _percent(shares: Sequence[float]) -> str:
+    low, high = (f"{100 * share:.0f}" for share in (min(shares, default=0.0), max(shares, default=0.0)))
+    if high == "0":
+        return "less than 1 %"
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _load(bench: Circumstances, mechanism: Mechanism, factor: float) -> str:
+    """``, for instance 2 N*m where these had 20 N*m``; nothing where no load is known."""
+    if not bench.torques:
+        return ""
+    now = min(bench.torques) if factor < 1 else max(bench.torques)
+    most = mechanism.rated_torque if isinstance(mechanism, Reducer) else None
+    wanted = min(factor * now, most or math.inf)
+    if factor > 1 and wanted < 1.5 * now:
+        return ""
+    shown = (f"{to_display(value, 'torque'):.3g} N*m" for value in (wanted, now))
+    return ", for instance {} where these had {}".format(*shown)
+
+
+def _other_direction(bench: Circumstances) -> str:
+    return "in reverse" if bench.directions == {1.0} else "forward"
 
 
 def _needed(mechanism: Mechanism) -> int:
@@ -284,22 +251,22 @@ def to_separate(
     >>> to_separate(reducer("RV-40E"), found, [bore], bench)[0].what
     'a run in reverse at the same load'
     """
-    if not others:
+    if others:
+        whole = closed_form_states(mechanism)
+        seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
+        pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
+        chosen = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
+        chosen.append((_LAST, [pair for pair in pairs if not any(pair in settled for _, settled in chosen)]))
+        chosen = [(rule, settled) for rule, settled in chosen if settled]
+    else:
         entry = source(effect.key)
-        proofs = {name for name, fits in _PROOFS if fits(entry)}
-        return tuple(
-            Measurement(rule.name, rule.what(bench, mechanism), rule.why(())) for rule in _RULES if rule.name in proofs
-        )
-    whole = closed_form_states(mechanism)
-    seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
-    pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
-    helped = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
-    stuck = [pair for pair in pairs if not any(pair in settled for _, settled in helped)]
-    chosen = [(rule, settled) for rule, settled in [*helped, (_LAST, stuck)] if settled]
-    return tuple(
-        Measurement(rule.name, rule.what(bench, mechanism), rule.why(settled), tuple(pair.other for pair in settled))
-        for rule, settled in chosen
-    )
+        chosen = [(rule, []) for rule in _RULES if rule.name in _PROOFS and _PROOFS[rule.name](entry)]
+    found = []
+    for rule, settled in chosen:
+        words = _words(bench, mechanism, settled)
+        separates = tuple(pair.other for pair in settled)
+        found.append(Measurement(rule.name, rule.what.format(**words), rule.why.format(**words), separates))
+    return tuple(found)
 
 
 def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: int = 2) -> tuple[Fold, ...]:
@@ -353,28 +320,24 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Circumstances
     """
     if not orders:
         return ()
+    words = _words(bench, mechanism, ())
     found = []
     if math.isfinite(bench.samples_per_turn):
-        what = f"a run with {_another_sampling(mechanism, bench.samples_per_turn)} samples an output turn"
+        count = max(_needed(mechanism), math.ceil(2.5 * bench.samples_per_turn))
         known = [f for order in orders for f in folds(mechanism, order, bench.samples_per_turn) if f.frames]
         above = f"order {known[0].order:g}, {known[0].frames[0]}," if known else "a line above it"
         why = (
             f"the Nyquist order was {bench.samples_per_turn / 2:g}: {above} would have folded to here; what folded "
             "then moves, a true line stays"
         )
-        found.append(Measurement("sampling", what, why))
+        found.append(Measurement("sampling", f"a run with {count} samples an output turn", why))
     if len(bench.directions) == 1:
-        what = f"a run {_other_direction(bench)} at the same load"
+        what = f"a run {words['direction']} at the same load"
         found.append(Measurement("reverse", what, "what changes with the direction comes from loaded contacts"))
-    angle = _half_period(orders[0])
-    found.append(
-        Measurement(
-            "encoder",
-            f"the same runs with the output encoder remounted by {angle:.4g} degrees",
-            f"order {orders[0]:g} then changes its sign if it is the encoder's, and stays if it is the gear's",
-        )
-    )
-    what = f"a run at another load{_load(bench, mechanism, 10)}"
+    what = f"the same runs with the output encoder remounted by {_half_period(orders[0]):.4g} degrees"
+    why = f"order {orders[0]:g} then changes its sign if it is the encoder's, and stays if it is the gear's"
+    found.append(Measurement("encoder", what, why))
+    what = f"a run at another load{words['heavier']}"
     found.append(Measurement("load", what, "a line that keeps its size comes from the measuring chain or rigid parts"))
     return tuple(found)
 
@@ -386,8 +349,3 @@ def _half_period(order: float) -> float:
     """
     half = 180.0 / order
     return half * (2 * math.ceil((5.0 / half - 1) / 2 - 1e-9) + 1) if half < 5.0 else half
-
-
-def _another_sampling(mechanism: Mechanism, now: float) -> int:
-    """Samples a turn that hold every known order and put what folded at the present ones elsewhere."""
-    return max(_needed(mechanism), math.ceil(2.5 * now))

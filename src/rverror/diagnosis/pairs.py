@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Pose, folded_order, true_period
+from rverror.geartrain.kinematics import Pose, true_period
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import IndexValue, Source
 from rverror.model.catalogue import source
@@ -100,11 +100,6 @@ class Pair:
         """What the other cannot make in both directions over these angles, each with an offset of its own."""
         return self._left(self.seen, frozenset({1.0, -1.0}), together=False)
 
-    @cached_property
-    def zero(self) -> float:
-        """The same in both directions from one zero, so that lost motion counts."""
-        return self._left(self.seen, frozenset({1.0, -1.0}), together=True)
-
     def differs(self, share: float, than: float = 0.0) -> bool:
         """Tell whether a share of the waveform that differs exceeds another by more than what counts as the same."""
         return share > than + _SAME
@@ -120,18 +115,6 @@ class Pair:
     def both_are(self, test: Callable[[Source], bool]) -> bool:
         """Tell whether both pass a test."""
         return all(test(entry) for entry in self.entries)
-
-    @cached_property
-    def folded_together(self) -> bool:
-        """Tell whether their own orders differ and fold onto one another at the runs' samples."""
-        first, second = (
-            {round(order, 3) for order in entry.orders(self.mechanism, indices)}
-            for entry, (_, indices) in zip(
-                self.entries, ((self.effect.key, self.effect.indices), self.other), strict=True
-            )
-        )
-        seen = [{round(folded_order(o, self.bench.samples_per_turn), 3) for o in orders} for orders in (first, second)]
-        return bool(first and second) and not first & second and bool(seen[0] & seen[1])
 
     def _left(self, over: States, directions: frozenset[float], *, together: bool) -> float:
         if self.either(is_delay):

@@ -12,7 +12,6 @@ from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
-from rverror.runs.order_table import TableCondition
 
 Progress = Callable[[str], None]
 Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
@@ -280,8 +279,6 @@ class Diagnosis(Viewed):
         Of order tables: what accounts for the power of each order.
     validation : tuple of Validation
         Data that no fit saw, before and after.
-    conditions : tuple of TableCondition
-        Of order tables: under what they were measured.
     resonances : tuple of Resonance
         Natural frequencies that orders show over the speed.
     """
@@ -305,5 +302,4 @@ class Diagnosis(Viewed):
     passport: tuple[OrderPassport, ...] = ()
     shares: tuple[OrderShare, ...] = ()
     validation: tuple[Validation, ...] = ()
-    conditions: tuple[TableCondition, ...] = ()
     resonances: tuple[Resonance, ...] = ()

@@ -216,7 +216,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         **entry(diagnosis, verdict=None, candidates_tried="tried", notes=None),
         **signal.of(diagnosis, "noise_rms"),
         **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
-        "bench_uncertainty": bench_json(bench, whole=not diagnosis.conditions),
+        "bench_uncertainty": bench_json(bench, whole=not diagnosis.shares),
         "added": [_addition(addition, signal) for addition in diagnosis.added],
         "unexplained_orders": [_line(line, diagnosis) for line in diagnosis.unexplained],
         "by_order": [
@@ -289,7 +289,7 @@ def _line(line: Line, diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _tells_loads(diagnosis: Diagnosis) -> bool:
     """Tell whether a passport says more than one size of each order: of a table, or of runs at three loads."""
-    return bool(diagnosis.conditions) or any(law.slope is not None for one in diagnosis.passport for law in one.laws)
+    return bool(diagnosis.shares) or any(law.slope is not None for one in diagnosis.passport for law in one.laws)
 
 
 def _is_cause(addition: Addition) -> bool:
@@ -319,7 +319,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     data, bench = diagnosis_content(diagnosis), stated_bench(diagnosis)
     causes = [one for one, added in zip(data["added"], diagnosis.added, strict=True) if _is_cause(added)]
     laws = [one for one in data["added"] if one not in causes]
-    whole = not diagnosis.conditions
+    whole = not diagnosis.shares
     passport = passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
     shares: dict[str, Field] = {"order": None, f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}"}
     shares |= {head: (f"shares.{name}", PERCENT) for name, head in SHARES.items()}

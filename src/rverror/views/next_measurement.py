@@ -29,7 +29,7 @@ def bench_of(diagnosis: Diagnosis) -> Circumstances:
 
 def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
     """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
-    if diagnosis.conditions:
+    if diagnosis.shares:
         return []
     bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []

@@ -10,13 +10,13 @@ import numpy as np
 
 from rverror.base.numbers import brief, in_arcsec, rounded, way
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.order_passport import DirectionLaw, OrderPassport, SpeedPeak
-from rverror.diagnosis.wave_fit import WavePart
+from rverror.diagnosis.order_passport import OrderPassport
+from rverror.diagnosis.wave_fit import CONFIDENCE, DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import BESIDE
 from rverror.views.blocks import Sentence, Sheet, grid
 from rverror.views.fields import alike, entry
-from rverror.views.variables import ANGLE, NUMBER, SPEED, TORQUE
+from rverror.views.variables import ANGLE, SPEED
 
 #: N*mm in 1000 N*m, and rad/s in 1000 rpm: slopes are told per so much.
 KILONEWTON_METRE, THOUSAND_RPM = 1e6, 1000.0 * math.pi / 30.0
@@ -48,7 +48,7 @@ def _order_json(one: OrderPassport, bench: BenchUncertainty | None) -> dict[str,
             one,
             amplitude_arcsec=("amplitude", ANGLE),
             **alike(ANGLE, "low", "high"),
-            **alike(None, "confidence", "bent", "kinds"),
+            **alike(None, "bent", "kinds"),
             constants="constants.relation",
             loads="loads.relation",
             reference_input_speed_rpm=("reference_speed", SPEED),
@@ -57,7 +57,6 @@ def _order_json(one: OrderPassport, bench: BenchUncertainty | None) -> dict[str,
         "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
         "directions": [_law_json(law) for law in one.laws],
         "shares": {name: rounded(share, 4) for name, share in one.shares.items()},
-        "peak": None if one.peak is None else _peak_json(one.peak),
         "reference_temperature_degc": None if temperature is None else rounded(temperature - 273.15),
     }
 
@@ -69,12 +68,7 @@ def _law_json(law: DirectionLaw) -> dict[str, Any]:
         "per_1000_newton_metre_arcsec": _part_json(law.slope, KILONEWTON_METRE),
         "per_1000_rpm_arcsec": _part_json(law.speed, THOUSAND_RPM),
         "per_kelvin_arcsec": _part_json(law.temperature, 1.0),
-        **entry(
-            law,
-            **alike(None, "cases", "bent", "not_told"),
-            largest_deviation_arcsec=("deviation", ANGLE),
-            largest_deviation_torque_nm=("deviation_torque", TORQUE),
-        ),
+        **entry(law, **alike(None, "cases", "bent", "not_told")),
     }
 
 
@@ -83,24 +77,6 @@ def _part_json(part: WavePart | None, size: float) -> dict[str, Any] | None:
         return None
     sizes = {name: in_arcsec(getattr(part, name) * size) for name in ("amplitude", "low", "high")}
     return {**sizes, "phase_deg": rounded(math.degrees(np.angle(part.value))) if part.told else None}
-
-
-def _peak_json(peak: SpeedPeak) -> dict[str, Any]:
-    return entry(
-        peak,
-        direction=lambda one: way(one.direction),
-        torque_nm=("torque", TORQUE),
-        input_speed_rpm=("speed", SPEED),
-        low_rpm=("low", SPEED),
-        high_rpm=("high", SPEED),
-        frequency_hz=("frequency", NUMBER),
-        low_hz=("low_frequency", NUMBER),
-        high_hz=("high_frequency", NUMBER),
-        amplitude_arcsec=("amplitude", ANGLE),
-        median_arcsec=("median", ANGLE),
-        series=None,
-        of=None,
-    )
 
 
 def passport_sheet(passports: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> Sheet:
@@ -122,7 +98,7 @@ def passport_sheet(passports: Sequence[OrderPassport], *, bench: BenchUncertaint
             rows.append((*head, way(law.direction), *parts, "bent" if law.bent else ""))
     return (
         Sentence(
-            f"Amplitudes in arcsec with the {100 * passports[0].confidence:g} % interval; phase in degrees where the "
+            f"Amplitudes in arcsec with the {100 * CONFIDENCE:g} % interval; phase in degrees where the "
             "part is told from zero; a law is bent where no straight line over the load holds."
         ),
         *grid(("order", "amplitude", "direction", "constant", "per 1000 N*m", "law"), rows),
@@ -159,7 +135,7 @@ def _shares(one: OrderPassport) -> str:
 
 
 def _beside(one: OrderPassport) -> list[str]:
-    """What the table has no room for: temperature and speed, where the law bends, the peak."""
+    """What the table has no room for: temperature and speed."""
     found = []
     for name, size, unit in (("speed", THOUSAND_RPM, "1000 rpm"), ("temperature", 1.0, "K")):
         told = []
@@ -169,15 +145,6 @@ def _beside(one: OrderPassport) -> list[str]:
                 told.append(f"{way(law.direction)} {_told(part.amplitude, part.low, part.high, size)}")
         if told:
             found.append(f"with the {name}: {', '.join(told)} per {unit}")
-    bends = []
-    for law in one.laws:
-        if law.bent:
-            at = "" if law.deviation_torque is None else f" at {brief(law.deviation_torque / 1e3, 3)} N*m"
-            bends.append(f"{way(law.direction)} up to {_size(law.deviation / ARCSEC)}{at}")
-    if bends:
-        found.append(f"bent, light loads or another law are in it: off the straight line {', '.join(bends)}")
-    if one.peak is not None:
-        found.append(_peak_words(one.peak))
     return found
 
 
@@ -190,12 +157,3 @@ def _of_bench(one: OrderPassport, bench: BenchUncertainty | None) -> list[str]:
         return ["no stated part of the bench has this order"]
     why = "all of it may be the bench's" if one.amplitude < amplitude * ARCSEC else "the same in every run"
     return [f"amplitude and constant ± {_size(amplitude)} ({BESIDE}), {why}; slopes are free of it"]
-
-
-def _peak_words(peak: SpeedPeak) -> str:
-    speeds = [brief(v * 30.0 / math.pi) for v in (peak.speed, peak.low, peak.high)]
-    where = f"largest at {speeds[0]} rpm (between {speeds[1]} and {speeds[2]}"
-    if peak.low_frequency is not None and peak.high_frequency is not None:
-        where += f", {brief(peak.low_frequency, 3)} to {brief(peak.high_frequency, 3)} Hz"
-    sizes = f"{_size(peak.amplitude / ARCSEC)}, median {_size(peak.median / ARCSEC)}"
-    return f"{where}): {sizes}; in {peak.series} of {peak.of} series over the speed"

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from rverror.base.numbers import brief, rounded
-from rverror.diagnosis.orders.resonances import ForetoldPeak, Resonance, ResonantSeries
+from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.views.blocks import Sheet, grid, line
 
 _RPM = 30 / math.pi
 _CURVE = 301  # points of a law
-_HEADS = ("order", "alone, Hz", "largest at, rpm", "between", "predicted by the others")
+_HEADS = ("order", "alone, Hz", "largest at, rpm")
 
 
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
@@ -42,7 +42,7 @@ def resonance_sheet(found: Sequence[Resonance]) -> Sheet:
     ----------
     found : sequence of Resonance
     """
-    return tuple(block for one in found for block in (*line(f"{_sentence(one)}."), *grid(_HEADS, map(_row, one.peaks))))
+    return tuple(block for one in found for block in (*line(f"{_sentence(one)}."), *grid(_HEADS, _rows(one))))
 
 
 def _sentence(one: Resonance) -> str:
@@ -60,15 +60,14 @@ def _ends(low: float, high: float, digits: int = 4) -> str:
     return f"[{', '.join(brief(end, digits) if math.isfinite(end) else '?' for end in (low, high))}]"
 
 
-def _row(peak: ForetoldPeak) -> tuple[str, ...]:
-    highest, below, above, speed = (brief(v * _RPM) for v in (peak.highest, peak.below, peak.above, peak.speed))
-    told = f"{speed} {_ends(peak.low * _RPM, peak.high * _RPM)}" if math.isfinite(peak.speed) else "-"
-    told += ", at a gap of the speeds" if peak.gap else ""
-    return f"{peak.order:g}", brief(peak.alone), highest, f"{below} to {above}", told
+def _rows(one: Resonance) -> Iterator[tuple[str, ...]]:
+    for order, alone in one.alone.items():
+        waves = np.concatenate([own.waves for own in one.series if own.order == order])
+        speeds = np.concatenate([own.speed for own in one.series if own.order == order])
+        yield f"{order:g}", brief(alone), brief(float(speeds[np.argmax(np.abs(waves))]) * _RPM)
 
 
-def law_of(series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
+def law_of(one: Resonance, series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
     """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
     frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), points)
-    static = series.static if series.direction > 0 else series.static.conjugate()
-    return frequency, np.abs(static + series.part(frequency))
+    return frequency, np.abs(series.static + one.part(series, frequency))

@@ -13,8 +13,10 @@ import rverror
 from at_speed import CAM, RING, AtSpeed, at_speed, by_law, with_load
 from recordings import recording
 from rverror.base.arrays import Array
-from rverror.diagnosis.orders.resonances import growth, resonances_of, resonant_parts, without
+from rverror.diagnosis.orders.critical_conditions import critical_notes
+from rverror.diagnosis.orders.resonances import growth, one_mode, resonances_of, resonant_parts, without
 from rverror.diagnosis.policy import POLICY
+from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase
 
 RATIO = 121.0
@@ -171,22 +173,22 @@ def test_one_order_with_both_flanks_is_told_and_one_flank_is_not() -> None:
     (found,) = resonances_of(by_law(law, orders=(156.0,), speeds=SPEEDS), ratio=RATIO, policy=POLICY)
     assert found.orders == (156.0,)
     assert found.low <= 20.0 <= found.high
-    assert math.isnan(found.peaks[0].speed)
     below = [s for s in SPEEDS if s < 95]
     assert resonances_of(by_law(law, orders=(156.0,), speeds=below), ratio=RATIO, policy=POLICY) == ()
 
 
-def test_orders_foretell_one_anothers_peaks() -> None:
-    """20 Hz: order k peaks at 2 pi 121 20/k rad/s."""
+def test_orders_predict_one_anothers_peaks() -> None:
+    """20 Hz: order k peaks at 2 pi 121 20/k rad/s; here from a table without it."""
     law = lambda k, s: mode(k, s, natural=20.0, damping=0.04, static=1 + k / 200)  # noqa: E731
-    (found,) = resonances_of(by_law(law, orders=(130.0, 156.0, 234.0), speeds=SPEEDS), ratio=RATIO, policy=POLICY)
-    assert found.orders == (130.0, 156.0, 234.0)
-    for peak in found.peaks:
-        assert peak.speed == pytest.approx(2 * math.pi * RATIO * 20.0 / peak.order, rel=0.005)
-        assert peak.low < peak.speed < peak.high
-        assert peak.below < 1.02 * peak.speed
-        assert peak.above > 0.98 * peak.speed
-        assert not peak.gap
+    orders = (130.0, 156.0, 234.0)
+    (found,) = resonances_of(by_law(law, orders=orders, speeds=SPEEDS), ratio=RATIO, policy=POLICY)
+    assert found.orders == orders
+    for order in orders:
+        others = [other for other in orders if other != order]
+        (rest,) = resonances_of(by_law(law, orders=others, speeds=SPEEDS), ratio=RATIO, policy=POLICY)
+        assert rest.frequency == pytest.approx(20.0, rel=0.005)
+        assert rest.low < 20.0 < rest.high
+        assert found.alone[order] == pytest.approx(rest.frequency, rel=0.01)
 
 
 def test_a_peak_at_a_gap_widens_the_interval_and_is_told() -> None:
@@ -199,7 +201,12 @@ def test_a_peak_at_a_gap_widens_the_interval_and_is_told() -> None:
     )
     assert gone.low <= 20.0 <= gone.high
     assert gone.high - gone.low > 1.5 * (whole.high - whole.low)
-    assert (whole.peaks[0].gap, gone.peaks[0].gap) == (False, True)
+    model, cases = Model(rverror.reducer("RV-40E")), by_law(law, orders=(156.0,), speeds=SPEEDS)
+    told = [
+        any("is largest at a gap of the speeds" in note for note in critical_notes(model, cases, [one]))
+        for one in (whole, gone)
+    ]
+    assert told == [False, True]
 
 
 def test_reverse_runs_are_the_same_train_in_time() -> None:
@@ -233,15 +240,14 @@ def test_the_reducer_of_ratio_81_has_one_natural_frequency() -> None:
     assert found.low < 51.0
     assert 52.5 < found.high < 56.0
     assert 0.015 < found.damping_ratio < 0.03
-    rpm = {peak.order: np.array([peak.speed, peak.below, peak.above]) * 30 / math.pi for peak in found.peaks}
-    assert rpm[156.0][0] == pytest.approx(1600, rel=0.03)
-    assert rpm[162.0][0] == pytest.approx(1550, rel=0.03)
-    assert rpm[240.0][0] == pytest.approx(1100, rel=0.06)
-    assert rpm[240.0][1] < rpm[240.0][0] < rpm[240.0][2]
-    assert [peak.gap for peak in found.peaks] == [False, False, True]
-    own = {peak.order: peak.alone * 81.0 * 60 / peak.order for peak in found.peaks}  # rpm of the input
-    assert (round(own[156.0]), round(own[162.0])) == (1607, 1557)
-    for order in (156.0, 162.0):
-        assert rpm[order][0] == pytest.approx(own[order], rel=0.015)
+    own = {order: alone * 81.0 * 60 / order for order, alone in found.alone.items()}  # rpm of the input
+    assert (own[156.0], own[162.0]) == (pytest.approx(1605, abs=2), pytest.approx(1554, abs=2))
+    for order, at, within in ((156.0, 1600, 0.03), (162.0, 1550, 0.03), (240.0, 1100, 0.06)):
+        rest = one_mode([own for own in found.series if own.order != order], found.frequency, POLICY)
+        assert rest.frequency * 81.0 * 60 / order == pytest.approx(at, rel=within)
+    gaps = [
+        note for note in critical_notes(Model(rverror.reducer("RV-40E")), table.cases, [found]) if "a gap of" in note
+    ]
+    assert ["order 240 " in note for note in gaps] == [True]
     # whatever is between 51 and 52.5 Hz has order 240 peak where the table has no speed
     assert all(1000 < f * 81.0 * 60 / 240 < 1100 for f in (51.0, 52.5))

@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.orders import tables
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
-from rverror.diagnosis.orders.table_set import TableSight, case_name, discrepancy, noise_of_cases, table_set
+from rverror.diagnosis.orders.table_set import TableSight, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.kinematics import Conditions
 from rverror.model.catalogue import source
@@ -275,7 +275,8 @@ def test_what_the_model_is_not_right_to_counts_once_for_each_independent_value()
         )
         for load in (1.0, 2.0, 3.0, 4.0, 5.0)
     ]
-    (first, *_) = discrepancy(cases, [np.zeros(2)] * 5, 0.1)
+    bench = table_set(UNIT, cases, [np.zeros(2)] * 5, policy=POLICY, anywhere=False).with_discrepancy(0.1)
+    first = bench.sigmas[0]
     # |z|^2 = 25 in two numbers each: rms^2 = 12.5; N = 10, M = 4
     assert first == pytest.approx(np.sqrt(np.full(2, 0.01 * 12.5 * 10 / 4)))
 
@@ -298,7 +299,7 @@ def test_the_chance_of_a_claim_is_that_of_sizes_that_mean_nothing() -> None:
 def chance_of_cam() -> tuple[float, float, float]:
     table = table_of(Model(OTHER, (CAM,)))
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, replace(POLICY, regular=1e12), anywhere=False)
+    bench = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
     model = Model(UNIT)
     fit = fitted(evaluated(bench, replace(model, effects=(CAM,)), model))
     return chance(fit, 0)
@@ -308,7 +309,7 @@ def test_a_linear_step_beside_a_block_reaches_what_a_fit_reaches() -> None:
     """Of a reading that is linear: the same sizes and objective."""
     table = table_of(Model(UNIT, (HEAD,)))
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, replace(POLICY, regular=1e12), anywhere=False)
+    bench = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
     model = Model(UNIT)
     bare = evaluated(bench, model, model)
     (block,) = blocks_of(bare, [(HEAD.key, {})])
@@ -316,12 +317,6 @@ def test_a_linear_step_beside_a_block_reaches_what_a_fit_reaches() -> None:
     whole_fit = fitted(evaluated(bench, replace(model, effects=(Effect(HEAD.key, {}, (0.0, 0.0)),)), model), steps=30)
     assert trial.sizes(0) == pytest.approx(np.array(whole_fit.added[0].values), rel=1e-3)
     assert trial.objective == pytest.approx(whole_fit.objective, abs=0.05)
-
-
-def test_conditions_are_told_in_words() -> None:
-    at = TableCondition(direction=-1.0, torque=2e5, input_speed=math.pi * 100 / 30, temperature=298.15)
-    case = OrderCase(condition=at, orders=np.array([1.0]), waves=np.array([1j]))
-    assert case_name(case) == "reverse 200 N*m 100 rpm 25 degC"
 
 
 def test_tables_that_do_not_go_together_are_refused() -> None:

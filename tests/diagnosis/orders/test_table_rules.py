@@ -54,7 +54,7 @@ def laws(found: Diagnosis) -> dict[tuple[str, int], Addition]:
 def fit_of(table: OrderTable, model: Model, policy: Policy = POLICY) -> Fit:
     """State of a table under the noise that it states, its sizes as the model has them."""
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, replace(policy, regular=1e12), anywhere=False)
+    bench = table_set(UNIT, table.cases, sigmas, policy=replace(policy, regular=1e12), anywhere=False)
     return evaluated(bench, model, Model(UNIT))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -80,20 +79,12 @@ def walk(seed: int, n: int, step: float, white: float = 0.3) -> np.ndarray:
 
 @pytest.mark.parametrize("step", [0.005, 0.05, 1.0])
 def test_a_random_walk_alone_seldom_gets_an_effect(step: float) -> None:
-    """Over one turn a slope and a wave of order 1 are the walk's: beside noise without them most had one.
-
-    A small walk is told beside the noise with its step, of a large one lags of the noise say all.
-    """
+    """Over one turn a slope and a wave of order 1 are the walk's: beside noise without them most had one."""
     time, theta = turns(1500, 1)
     found = [diagnose_drive(DRIVE, [record(time, theta, walk(seed, time.size, step))]) for seed in range(8)]
     assert sum(d.added != () for d in found) <= 1
     quiet = next(d for d in found if d.verdict == "nothing_missing")
     assert quiet.noise_rms == pytest.approx(quiet.after.rms, rel=0.25)
-    told = [
-        re.search(r"noise is white, beside a random walk of (\S+) arcsec a sample", "\n".join(d.notes)) for d in found
-    ]
-    if step < 0.3:
-        assert np.median([float(one[1]) for one in told if one]) == pytest.approx(step, rel=0.1)
 
 
 def test_samples_that_say_the_same_are_not_counted_twice() -> None:
@@ -218,7 +209,7 @@ def test_lost_motion_is_said_with_its_size() -> None:
     found = diagnose_drive(DRIVE, [record(time, theta, error)])
     assert "sensor.time_offset" not in keys(found)
     (said,) = (note for note in found.notes if "lost motion" in note)
-    assert float(said.split("leads by ")[1].split()[0]) == pytest.approx(12, rel=0.05)
+    assert float(said.split("lost motion, ")[1].split()[0]) == pytest.approx(12, rel=0.05)
 
 
 def test_a_line_outside_the_catalogue_is_unexplained_and_not_blamed_on_a_neighbour() -> None:
@@ -258,7 +249,6 @@ def test_a_size_that_no_workshop_makes_gives_way_to_a_plausible_cause() -> None:
     time, theta = turns(1000, 0.11)
     found = diagnose_drive(DRIVE, [record(time, theta, 0.04 * theta / ARCSEC + 100 * red(7, time.size, 0.9))])
     assert keys(found)[0] in ("sensor.ratio_error", "sensor.drift")
-    assert any("larger than a workshop makes" in note for note in found.added[0].notes)
     assert "sensor.encoder_eccentricity" in [key for key, _ in found.added[0].indistinguishable]
     assert "a run over a whole output turn or more: over 39.6 deg" in rverror.to_text(found)
 
@@ -391,11 +381,9 @@ def test_planetary_actuator_says_what_would_separate_its_ratio_from_its_encoder(
     folder = recording("planetary-14to1")
     model = load_model(folder / "model.toml")
     found = diagnose_drive(model, [load_run(folder / "run.csv", model)])
-    ratio = found.added[0]
     (step,) = (step for step in rverror.to_json(found)["next_measurements"] if step["name"] == "whole turn")
     assert "over 40 deg sensor.ratio_error cannot be told from sensor.encoder_eccentricity" in step["why"]
     assert step["about"]["key"] == "sensor.ratio_error"
-    assert any("sensor.encoder_eccentricity would have to be" in note for note in ratio.notes)
 
 
 @pytest.mark.parametrize(("name", "order", "rms"), [("worm-225", 225, 0.55), ("worm-360", 360, 1.75)])

@@ -65,7 +65,7 @@ def account(
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         notes += fit.bench.slow_notes(record, rest) if record.slow else []
     plain = fit.bench.with_records(_plain(fit.bench.records))
-    printed = evaluated(plain, replace(as_declared(fit).model, effects=_printed(model, fit)), fit.declared)
+    as_printed = evaluated(plain, replace(as_declared(fit).model, effects=printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
     lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
@@ -86,7 +86,7 @@ def account(
     return Diagnosis(
         verdict="unexplained" if lines or unclear else settled,
         noise_rms=noise_rms(fit),
-        before=residual(printed, hold=True),
+        before=residual(as_printed, hold=True),
         before_refitted=residual(refitted),
         after=residual(after),
         added=added,
@@ -95,7 +95,7 @@ def account(
         declared=declared,
         candidates=_candidates(search),
         tried=len(search.candidates),
-        traces=tuple(_traces(runs, printed, after)),
+        traces=tuple(_traces(runs, as_printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
         history=search.journal.history,
         elastic=elastic_within(fit, halves),
@@ -106,7 +106,7 @@ def _plain(records: Sequence[Record]) -> list[Record]:
     return [replace(r, orders=(), slow=False) for r in records]
 
 
-def _printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
+def printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
     """Declared effects as printed; where the gear's marks are is no size of a part: it is the fitted one."""
     return tuple(
         now if source(now.key).acts == "marks" else then
@@ -226,22 +226,27 @@ def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[fl
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
-    estimates, notes, prior = [], [], fit.bench.deviation(effect.key, effect.indices)
     made = "the prior says" if fit.bench.prior.covered else "a workshop makes"
-    sizes = zip(source(effect.key).parameters, effect.values, prior, strict=True)
-    for place, (parameter, value, usual) in enumerate(sizes, first):
-        half = halves[place]
-        estimates.append(
-            Estimate(parameter.name, parameter.dimension, value, max(value - half, parameter.least), value + half)
-        )
+    own, prior = halves[first : first + len(effect.values)], fit.bench.deviation(effect.key, effect.indices)
+    estimates, notes = estimated(effect, own)
+    for one, half, usual in zip(estimates, own, prior, strict=True):
         if half > fit.bench.half_width(usual**2 / 2):
-            notes.append(f"{parameter.name}: the runs do not tell it; its interval is what {made}")
-        if abs(value) > parameter.plausible:
-            notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
+            notes.append(f"{one.name}: the runs do not tell it; its interval is what {made}")
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
-    return Addition(replace(effect, origin=origin), tuple(estimates), alike, _orders(fit, at), held, tuple(notes))
+    return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, at), held, tuple(notes))
+
+
+def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
+    """Sizes with their intervals of such half widths, and what is said of those that no workshop makes."""
+    estimates, notes = [], []
+    for parameter, value, half in zip(source(effect.key).parameters, effect.values, halves, strict=True):
+        low = max(value - half, parameter.least)
+        estimates.append(Estimate(parameter.name, parameter.dimension, value, low, value + half))
+        if abs(value) > parameter.plausible:
+            notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
+    return tuple(estimates), notes
 
 
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Collection, Sequence
 
@@ -12,6 +11,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, count_of
+from rverror.diagnosis.order_passport import rows_of
 from rverror.diagnosis.orders.resonances import Resonance, magnified
 from rverror.dynamics.at_speed import CRITICAL
 from rverror.dynamics.natural_modes import Modes, modes
@@ -20,6 +20,7 @@ from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase
 from rverror.statics.loaded_state import NotConvergedError
 
+_GAP = 1.5  # times the usual step of the speeds
 _INERTIA_SPREAD = 0.3  # of the logarithm of an inertia that is estimated: the widths of its parts are not stated
 
 
@@ -76,26 +77,21 @@ def flagged(
     whose : str
         Of which it is.
     """
-    speeds: dict[float, set[float]] = {}
-    near = 0
-    for case in cases:
-        speed = case.condition.input_speed or 0.0
-        close = magnified(case.orders * speed / (2 * math.pi * abs(ratio)), natural, damping) >= CRITICAL
-        close &= np.isin(np.round(case.orders, 6), np.round(list(orders), 6))
-        near += bool(close.any())
-        for order in case.orders[close].tolist():
-            speeds.setdefault(order, set()).add(speed)
-    if not speeds:
+    rows = rows_of(cases)
+    rows = rows[np.isin(np.round(rows["order"], 6), np.round(list(orders), 6)) & (rows["speed"] > 0)]
+    near = rows[magnified(rows["order"] * rows["speed"] / (2 * math.pi * abs(ratio)), natural, damping) >= CRITICAL]
+    if not near.size:
         return ""
-    listed = ", ".join(f"{order:g} {_span(at)}" for order, at in sorted(speeds.items()))
+    speeds = {order: near["speed"][near["order"] == order] for order in np.unique(near["order"])}
+    listed = ", ".join(f"{order:g} {_span(own)}" for order, own in speeds.items())
     return (
-        f"near a critical speed: {count_of(near, 'condition')} of {len(cases)}, where {whose}{brief(natural)} Hz "
-        f"magnifies an order {CRITICAL:g} times or more; order {listed} rpm"
+        f"near a critical speed: {count_of(np.unique(near['case']).size, 'condition')} of {len(cases)}, where {whose}"
+        f"{brief(natural)} Hz magnifies an order {CRITICAL:g} times or more; order {listed} rpm"
     )
 
 
-def _span(speeds: set[float]) -> str:
-    low, high = (brief(_rpm(end(speeds))) for end in (min, max))
+def _span(speeds: Array) -> str:
+    low, high = brief(_rpm(float(speeds.min()))), brief(_rpm(float(speeds.max())))
     return f"at {low}" if low == high else f"from {low} to {high}"
 
 
@@ -141,14 +137,11 @@ def tied(one: Resonance, its: Modes, deviations: Array, *, bench: bool) -> str:
     there, wide = float(its.frequency[mode]), math.exp(1.96 * float(deviations[mode]))
     low, high = (end if math.isfinite(end) else one.frequency for end in (one.low, one.high))
     inside = there / wide <= high and there * wide >= low
-    kinetic, strain = (
-        max(shares, key=lambda name: float(shares[name][mode])) for shares in (its.kinetic_energy, its.strain_energy)
-    )
     verdict = "overlaps with what is measured, so it can be this mode" if inside else "does not reach what is measured"
     said = (
         f"of the model's modes at {its.torque / 1e3:g} N*m number {mode + 1} is nearest to {brief(one.frequency)} Hz: "
         f"{brief(there)} Hz, {brief(there / wide, 3)} to {brief(there * wide, 3)} by what is known of its stiffness "
-        f"and inertias (most of the motion: {kinetic}; of the strain: {strain}), which {verdict}"
+        f"and inertias, which {verdict}"
     )
     missing = (
         "" if bench else "; the model says nothing of what the bench hangs on both ends ([bench]), which may make it"
@@ -157,21 +150,23 @@ def tied(one: Resonance, its: Modes, deviations: Array, *, bench: bool) -> str:
 
 
 def _at_ends(found: Sequence[Resonance]) -> list[str]:
-    """Peaks at a gap or an end of the speeds, and orders that are not of the frequency of all, in a line each."""
+    """Peaks at a gap or an end of the speeds, in a line each."""
     notes = []
-    for one, peak in itertools.chain.from_iterable(((one, peak) for peak in one.peaks) for one in found):
-        told = f"{brief(one.frequency)} Hz: order {peak.order:g}"
-        highest, below, above = (brief(_rpm(value)) for value in (peak.highest, peak.below, peak.above))
-        if peak.highest in (peak.below, peak.above):
-            notes.append(f"{told} is largest at the end of the speeds, {highest} rpm: only a flank of its peak is seen")
-        elif peak.gap:
-            notes.append(
-                f"{told} is largest at a gap of the speeds, at {highest} rpm: by itself it tells its peak between "
-                f"{below} and {above} rpm only"
-            )
-        if peak.differs:
-            notes.append(
-                f"{told} alone has {brief(peak.alone)} Hz, by more than noise; it may be of another natural "
-                "frequency, and what it adds is taken off by its own"
-            )
+    for one in found:
+        for order in one.orders:
+            strongest = max((own for own in one.series if own.order == order), key=lambda own: np.abs(own.waves).max())
+            speeds = np.unique(strongest.speed)
+            steps = np.diff(speeds)
+            top = int(np.searchsorted(speeds, strongest.speed[int(np.argmax(np.abs(strongest.waves)))]))
+            told = f"{brief(one.frequency)} Hz: order {order:g} is largest at"
+            if top in (0, speeds.size - 1):
+                notes.append(
+                    f"{told} the end of the speeds, {brief(_rpm(speeds[top]))} rpm: only a flank of its peak is seen"
+                )
+            elif max(steps[top - 1], steps[top]) > _GAP * np.median(steps):
+                low, highest, high = (brief(_rpm(speed)) for speed in speeds[top - 1 : top + 2])
+                notes.append(
+                    f"{told} a gap of the speeds, at {highest} rpm: by itself it tells its peak between {low} and "
+                    f"{high} rpm only"
+                )
     return notes

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
@@ -32,6 +31,12 @@ from rverror.statics.loaded_state import NotConvergedError
 
 _STEPS = 20  # of a refit at the load, at most.  Chosen for time
 _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
+
+
+def conditions_of(fit: Fit) -> TableSet:
+    """The conditions of tables, of a fit to them."""
+    assert isinstance(fit.bench, TableSet)
+    return fit.bench
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +59,7 @@ class Linear:
     @property
     def bench(self) -> TableSet:
         """The conditions."""
-        assert isinstance(self.fit.bench, TableSet)
-        return self.fit.bench
+        return conditions_of(self.fit)
 
     @cached_property
     def free(self) -> Flags:
@@ -106,30 +110,31 @@ class Linear:
     @cached_property
     def squares(self) -> Array:
         """What the best step leaves of each order, shape (n,)."""
-        return self._of_orders(self.left(self.best))
+        return self.bench.by_order(self._of_cases(self.left(self.best) ** 2))
+
+    def _of_cases(self, values: Array) -> list[Array]:
+        """All numbers, those of each condition."""
+        return np.split(values, np.cumsum([at.size for at in self.bench.places])[:-1])
 
     @cached_property
-    def measured(self) -> Array:
-        """Squares of what is measured of each order, shape (n,)."""
-        return self._of_orders(np.concatenate([s.whiten(s.measured) for s in self.bench.sights]))
+    def left_out(self) -> list[Array]:
+        """What is left of each condition with sizes from the others, in units of its noise.
 
-    def _of_orders(self, rest: Array) -> Array:
-        ends = np.cumsum([at.size for at in self.bench.places])[:-1]
-        return self.bench.numbers.by_order(np.split(rest**2, ends))
-
-    @cached_property
-    def folds(self) -> npt.NDArray[np.intp]:
-        """Which of three parts each condition is left out with: every third load; condition where loads are few."""
+        Every third load is left out in its turn; every third condition where loads are few.
+        """
         loads = np.array([case.condition.torque or 0.0 for case in self.bench.cases])
         distinct = np.unique(loads)
         place = np.searchsorted(distinct, loads) if distinct.size > 2 else np.arange(loads.size)
-        return np.asarray(place % 3, dtype=np.intp)
+        of = np.repeat(place % 3, [at.size for at in self.bench.places])
+        rest = np.zeros(of.size)
+        for fold in np.unique(of):
+            rest[of == fold] = self.left(self.step(of != fold))[of == fold]
+        return self._of_cases(rest)
 
-    @cached_property
+    @property
     def foretold(self) -> float:
-        """Squares of conditions that are left out, by sizes from all the others."""
-        of = np.repeat(self.folds, [at.size for at in self.bench.places])
-        return float(sum(np.sum(self.left(self.step(of != one))[of == one] ** 2) for one in np.unique(of)))
+        """Squares of conditions that are left out."""
+        return float(sum(rest @ rest for rest in self.left_out))
 
     def sizes(self, number: int) -> Array:
         """Sizes of a block at the best step."""
@@ -286,8 +291,8 @@ def _takes(state: Linear, block: Columns, beyond: Flags) -> bool:
     if "torque" in source(block.name[0]).needs:
         state = replace(state, blocks=(*state.blocks, *_constants(state)))
     before, after = state.squares, state.beside(block).squares
-    policy = state.bench.policy
-    much = before - after > policy.claim_counts * state.measured
+    policy, bench = state.bench.policy, state.bench
+    much = before - after > policy.claim_counts * bench.by_order(s.whiten(s.measured) ** 2 for s in bench.sights)
     return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
@@ -334,8 +339,7 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     Of the M values that a law over the load has p sizes that mean nothing take a share x or more with the chance of
     the beta distribution of p/2 and (M - p)/2: where there are as many sizes as values that is 1.
     """
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     bare, at = _leading(fit, number)
     before, after = Linear(bare).squares, Linear(fit).squares
     sizes = len(fit.added[number].values)

@@ -7,16 +7,16 @@ order's frequency over the natural one; all orders share frequency and damping.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
-from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, SAME_TEMPERATURE, level_of
+from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, SAME_TEMPERATURE, level_of, rows_of
 from rverror.diagnosis.policy import Policy
 from rverror.dynamics.at_speed import CRITICAL, NEAR
 from rverror.runs.order_table import OrderCase, Waves
@@ -26,11 +26,10 @@ _STEP = 0.005  # of the logarithm of the frequency where peaks are looked for
 #: it leaves two complex values to tell noise by.
 _LEAST_SPEEDS = 6
 _DAMPINGS = np.geomspace(0.005, 0.15, 10)  # there
-_FINE = 31  # dampings, and a third of the frequencies, of a profile
-_REACH = 1.3  # times the frequency, up and down, over which it goes
+_REACH = 1.3  # times the frequency, up and down, over which its profile goes
 _LIGHTEST, _HEAVIEST = 0.002, 0.3  # dampings over which it goes
-_ZOOMS = 4  # of a profile
-_SHARES = (0.03, 0.1)  # of an order by which one mode may be off: the likelier of these
+_FINE, _ZOOMS = 71, 4  # values of a minimum, and how often they close in
+_OFF = 0.05  # share of an order's size by which it may depart from one mode
 _TRIES = 6  # peaks that are looked at in a round
 
 
@@ -51,15 +50,15 @@ class ResonantSeries:
     frequency : ndarray, shape (n,)
         Of the order, Hz.
     waves : ndarray of complex, shape (n,)
-        As measured, rad, as in a table.
+        As time goes on, rad: in reverse the output angle falls, so that they are the conjugates of a table's.
     sigma : ndarray, shape (n,)
         Noise of real and imaginary part, rad.
     places : tuple of (int, int)
         Case of the table, and place of the order in it.
+    beside : ndarray of complex, shape (n, k)
+        What its law has beside the resonance: a constant, and the resonances that were found before.
     static, resonant : complex
-        c and b of the law, rad, as time goes on: in reverse of the conjugate waves.
-    natural, damping : float
-        Of the law: Hz, and damping ratio.
+        c and b of the law, rad.
     """
 
     order: float
@@ -70,53 +69,14 @@ class ResonantSeries:
     waves: Waves
     sigma: Array
     places: tuple[tuple[int, int], ...]
+    beside: Waves
     static: complex = 0j
     resonant: complex = 0j
-    natural: float = math.inf
-    damping: float = 0.0
 
-    @property
-    def in_time(self) -> Waves:
-        """The waves as time goes on: in reverse the output angle falls, so that they are the conjugate ones."""
-        return self.waves if self.direction > 0 else np.conj(self.waves)
-
-    def part(self, at: Array, *, shifted: float = 1.0) -> Waves:
-        """The resonant part at frequencies of the order, rad, as in a table; its natural one times `shifted`."""
-        wave = self.resonant * growth(at, shifted * self.natural, self.damping)
-        return np.asarray(wave if self.direction > 0 else np.conj(wave))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForetoldPeak:
-    """Where an order should peak by what the others say, and where it does.
-
-    Attributes
-    ----------
-    order : float
-    alone : float
-        Natural frequency by this order alone, with the damping of all, Hz.
-    differs : bool
-        Whether that is another than that of all by more than the noise lets it be.
-    speed, low, high : float
-        Input speed by the other orders with its interval, rad/s; NaN where there is no other.
-    highest : float
-        Input speed of the largest wave, rad/s.
-    below, above : float
-        Its neighbours, rad/s: the peak lies between them.
-    gap : bool
-        Whether the table has a step there that is larger than usual by half or more.
-    """
-
-    order: float
-    alone: float
-    differs: bool
-    speed: float
-    low: float
-    high: float
-    highest: float
-    below: float
-    above: float
-    gap: bool
+    def smooth(self, degree: int) -> Waves:
+        """`beside`, and powers of the speed up to a degree."""
+        share = self.speed / self.speed.max()
+        return np.concatenate([self.beside, *(share[:, None] ** k for k in range(1, degree + 1))], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,8 +94,8 @@ class Resonance:
         Share of an order's size by which it departs from one mode.
     series : tuple of ResonantSeries
         Of the orders that show it.
-    peaks : tuple of ForetoldPeak
-        One of each of these orders.
+    alone : mapping of float to float
+        Frequency by each of these orders alone, with the damping of all, Hz.
     """
 
     frequency: float
@@ -147,12 +107,16 @@ class Resonance:
     confidence: float
     off: float
     series: tuple[ResonantSeries, ...]
-    peaks: tuple[ForetoldPeak, ...]
+    alone: dict[float, float]
 
     @property
     def orders(self) -> tuple[float, ...]:
         """Orders that show it, growing."""
-        return tuple(peak.order for peak in self.peaks)
+        return tuple(self.alone)
+
+    def part(self, series: ResonantSeries, at: Array, *, shifted: float = 1.0) -> Waves:
+        """What it adds to a series at frequencies of the order, rad, as time goes on; its own one times `shifted`."""
+        return np.asarray(series.resonant * growth(at, shifted * self.frequency, self.damping_ratio))
 
 
 def growth(frequency: Array, natural: float | Array, damping: float | Array) -> Waves:
@@ -164,12 +128,7 @@ def growth(frequency: Array, natural: float | Array, damping: float | Array) -> 
     (-25j, 0.0)
     """
     r = frequency / natural
-    square, damped = r**2, 2 * damping * r
-    left = 1 - square
-    size = square / (left**2 + damped**2)  # of real arrays: complex ones take twice the time to divide
-    found = np.empty(np.shape(size), np.complex128)
-    found.real, found.imag = size * left, -size * damped
-    return found
+    return np.asarray(r**2 / (1 - r**2 + 2j * damping * r))
 
 
 def magnified(frequency: Array, natural: float, damping: float) -> Array:
@@ -191,55 +150,39 @@ def resonances_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -
     Returns
     -------
     tuple of Resonance
-        The best told first; empty where no order has `Policy.speeds` or more in one direction at one load.
+        The best told first; empty where no order has six speeds or more in one direction at one load.
 
     Notes
     -----
     docs/theory/resonances.md: claimed against smooth laws, steps, single speeds that are astray, and peaks of several
     orders at one speed.
     """
-    all_series = series_of(cases, ratio=ratio, policy=policy)
-    found: list[Resonance] = []
-    while (more := _next(all_series, found, policy)) is not None:
+    series, found = series_of(cases, ratio=ratio, policy=policy), list[Resonance]()
+    while (more := _next(series, policy)) is not None:
         found.append(more)
+        shown = [own.places for own in more.series]
+        series = [_beside(own, more) if own.places in shown else own for own in series]
     return tuple(one for one in found if not any(_at_one_speed(one, other) for other in found if other is not one))
+
+
+def _beside(series: ResonantSeries, found: Resonance) -> ResonantSeries:
+    """The series with a resonance that it shows already in its law."""
+    column = growth(series.frequency, found.frequency, found.damping_ratio)
+    return replace(series, beside=np.column_stack([series.beside, column]))
 
 
 def _at_one_speed(one: Resonance, other: Resonance) -> bool:
     """Tell whether two orders peak at the same speed, each at its own frequency: that is no natural frequency."""
-    if len(one.peaks) > 1 or len(other.peaks) > 1:
+    if len(one.orders) > 1 or len(other.orders) > 1:
         return False
     (low, high), (other_low, other_high) = (
-        [end / own.peaks[0].order for end in (own.low, own.high)] for own in (one, other)
+        [end / own.orders[0] for end in (own.low, own.high)] for own in (one, other)
     )
     return not (high < other_low or other_high < low)
 
 
-def settings_of(cases: Sequence[OrderCase]) -> list[tuple[float, int, int]]:
-    """Direction of each case, and the number of its torque and of its temperature among those that differ.
-
-    Parameters
-    ----------
-    cases : sequence of OrderCase
-
-    Returns
-    -------
-    list of (float, int, int)
-    """
-
-    def known(value: float | None) -> float:
-        return math.nan if value is None else value
-
-    conditions = [case.condition for case in cases]
-    torque = np.array([known(one.torque) for one in conditions])
-    temperature = np.array([known(one.temperature) for one in conditions])
-    torques = level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0)))
-    temperatures = level_of(temperature, SAME_TEMPERATURE)
-    return list(zip((one.direction for one in conditions), torques, temperatures, strict=True))
-
-
-def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tuple[ResonantSeries, ...]:
-    """Orders over the speed, of each direction, torque and temperature; those of `Policy.speeds` speeds or more.
+def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> list[ResonantSeries]:
+    """Orders over the speed, of each direction, torque and temperature; those of six speeds or more.
 
     Parameters
     ----------
@@ -247,89 +190,66 @@ def series_of(cases: Sequence[OrderCase], *, ratio: float, policy: Policy) -> tu
     ratio : float
     policy : Policy
     """
-    groups: dict[tuple[float, ...], list[tuple[float, int, int]]] = {}
-    for at, (case, (direction, *level)) in enumerate(zip(cases, settings_of(cases), strict=True)):
-        for place, order in enumerate(case.orders.tolist() if case.condition.input_speed else ()):
-            key = (round(order / SAME_ORDER) * SAME_ORDER, -direction, *level)
-            groups.setdefault(key, []).append((case.condition.input_speed or 0.0, at, place))
-    found = []
-    for (order, way, *_), group in sorted(groups.items()):
-        group.sort()
-        speed = np.array([one[0] for one in group])
-        if np.unique(speed).size < _LEAST_SPEEDS:
+    rows = rows_of(cases)
+    rows, found = rows[rows["speed"] > 0], []
+    torque = level_of(rows["torque"], SAME_SETTING * float(np.nanmax(rows["torque"], initial=0.0)))
+    order = np.round(rows["order"] / SAME_ORDER) * SAME_ORDER
+    keys = np.stack([order, -rows["direction"], torque, level_of(rows["temperature"], SAME_TEMPERATURE)], axis=1)
+    for key in np.unique(keys, axis=0):
+        own = np.sort(rows[(keys == key).all(axis=1)], order="speed")
+        if np.unique(own["speed"]).size < _LEAST_SPEEDS:
             continue
-        waves = np.array([cases[at].waves[place] for _, at, place in group])
-        stated = [own[place] for _, at, place in group if (own := cases[at].sigma) is not None]
-        # of a Rayleigh law, as in the passport: most steps from speed to speed are noise alone
-        steps = float(np.median(np.abs(np.diff(waves)))) / math.sqrt(4 * math.log(2))
-        sigma = np.array(stated) if len(stated) == len(group) else np.full(len(group), steps)
+        # the median of a Rayleigh law is its deviation times sqrt(2 ln 2), a difference has twice the variance: most
+        # steps from speed to speed are noise alone
+        steps = float(np.median(np.abs(np.diff(own["wave"])))) / math.sqrt(4 * math.log(2))
+        sigma = own["sigma"] if np.isfinite(own["sigma"]).all() else np.full(own.size, steps)
         found.append(
             ResonantSeries(
-                order=order,
-                direction=-way,
-                torque=cases[group[0][1]].condition.torque,
-                speed=speed,
-                frequency=order * speed / (2 * math.pi * abs(ratio)),
-                waves=waves,
+                order=float(key[0]),
+                direction=-float(key[1]),
+                torque=cases[own["case"][0]].condition.torque,
+                speed=own["speed"],
+                frequency=key[0] * own["speed"] / (2 * math.pi * abs(ratio)),
+                waves=own["wave"] if key[1] < 0 else np.conj(own["wave"]),
                 sigma=np.hypot(sigma, policy.model_error),
-                places=tuple((at, place) for _, at, place in group),
+                places=tuple(zip(own["case"].tolist(), own["place"].tolist(), strict=True)),
+                beside=np.ones((own.size, 1), complex),
             )
         )
-    return tuple(found)
+    return found
 
 
 # --- is there one -----------------------------------------------------------------------------------------------------
 
 
-def _next(all_series: Sequence[ResonantSeries], found: Sequence[Resonance], policy: Policy) -> Resonance | None:
+def _next(every: Sequence[ResonantSeries], policy: Policy) -> Resonance | None:
     """One natural frequency more beside those found; None where none is told."""
-    if not all_series:
+    if not every:
         return None
-    beside = [_columns(series, found) for series in all_series]
-    lowest, highest = (f([f(s.frequency) for s in all_series]) for f in (np.min, np.max))
-    axis = np.exp(np.arange(math.log(lowest), math.log(highest), _STEP))
+    ends = [(own.frequency[0], own.frequency[-1]) for own in every]
+    axis = np.exp(np.arange(math.log(min(low for low, _ in ends)), math.log(max(high for _, high in ends)), _STEP))
     natural, damping = (grid.ravel() for grid in np.meshgrid(axis, _DAMPINGS, indexing="ij"))
-    orders = sorted({series.order for series in all_series})
-    of = np.array([orders.index(series.order) for series in all_series])
+    orders = sorted({own.order for own in every})
+    of = np.array([orders.index(own.order) for own in every])
     chances = np.zeros((len(orders), natural.size))
-    for n, (series, own) in enumerate(zip(all_series, beside, strict=True)):
+    for at, series in zip(of, every, strict=True):
         inside = (natural > series.frequency[0]) & (natural < series.frequency[-1] * (1 + NEAR))
-        chances[of[n]] += np.where(inside, _nested(series, own, natural, damping, policy), 0.0)
-    count = np.bincount(of, minlength=len(orders))
-    least = scipy.special.gammainccinv(count, policy.false_alarm / len(orders))
+        chances[at] += np.where(inside, _nested(series, natural, damping, policy), 0.0)
+    # a sum of exponentials, one of each series; of all orders, frequencies and dampings the largest
+    least = scipy.special.gammainccinv(np.bincount(of), policy.false_alarm / chances.size)
     for _ in range(_TRIES):
         best = int(np.argmax(np.maximum(chances - least[:, None], 0).sum(axis=0)))
-        seen = np.flatnonzero(chances[:, best] > least)
-        trials = natural.size * math.comb(len(orders), seen.size)  # frequencies, dampings, and sets of as many orders
-        by_chance = scipy.special.gammaincc(count[seen].sum(), chances[seen, best].sum()) * trials
-        if not seen.size or by_chance > policy.false_alarm:
-            return None
         near = np.abs(np.log(natural / natural[best])) < math.log1p(NEAR)
-        beyond = chances[:, near].max(axis=1) - math.log(np.count_nonzero(near))
-        seen = np.union1d(seen, np.flatnonzero(beyond > least))  # a peak at a gap may stand beside
-        chosen = [n for n in range(len(all_series)) if of[n] in seen]
-        shown, columns = [all_series[n] for n in chosen], [beside[n] for n in chosen]
-        about = _likelier(shown, columns, natural[near], damping[near], policy)
+        seen = chances[:, near].max(axis=1) > least  # a peak at a gap may stand beside
+        if not seen.any():
+            return None
+        shown = [own for at, own in zip(of, every, strict=True) if seen[at]]
+        about = _likelier(shown, natural[near], damping[near], policy)
         if about is not None:
-            for n, (series, own) in enumerate(zip(all_series, beside, strict=True)):
-                if n not in chosen and _follows(series, own, *about, policy):
-                    shown.append(series)
-                    columns.append(own)
-            return _fitted(shown, columns, about[0], policy)
+            shown += [own for own in every if own not in shown and _follows(own, *about, policy)]
+            return one_mode(shown, about[0], policy)
         chances[:, np.abs(np.log(natural / natural[best])) < math.log(_REACH) / 2] = 0.0
     return None
-
-
-def _columns(series: ResonantSeries, found: Sequence[Resonance]) -> Waves:
-    """What a series has beside: a constant and the natural frequencies that it shows already, shape (n, k)."""
-    shown = [one for one in found if any(own.places == series.places for own in one.series)]
-    own = [growth(series.frequency, one.frequency, one.damping_ratio) for one in shown]
-    return np.stack([np.ones(series.speed.size, complex), *own], axis=1)
-
-
-def _smooth(series: ResonantSeries, columns: Waves, degree: int) -> Waves:
-    share = series.speed / series.speed.max()
-    return np.concatenate([columns, *(share[:, None] ** k for k in range(1, degree + 1))], axis=1)
 
 
 def _left(columns: Waves, waves: Waves, more: Waves | None = None) -> Array:
@@ -340,22 +260,8 @@ def _left(columns: Waves, waves: Waves, more: Waves | None = None) -> Array:
     if more is None:
         return np.array([squares])
     own = more - (more @ base.conj()) @ base.T
-    parts = np.ascontiguousarray(own).view(np.float64)
-    size = np.maximum(np.einsum("gn,gn->g", parts, parts), 1e-12 * (more.real**2 + more.imag**2).max(axis=1))
+    size = np.maximum((np.abs(own) ** 2).sum(axis=1), 1e-12 * (np.abs(more) ** 2).max(axis=1))
     return np.asarray(np.maximum(squares - np.abs(own @ rest.conj()) ** 2 / size, 0.0))
-
-
-def _follows(series: ResonantSeries, columns: Waves, natural: float, damping: float, policy: Policy) -> bool:
-    """Tell whether a series follows a natural frequency that others show, and no parabola over the speed as well.
-
-    One that is magnified twice or more, of which a flank may be all that is measured.
-    """
-    floor, rows = _floor(series, policy), growth(series.frequency, natural, damping)[None]
-    with_it = _left(columns, series.in_time, rows)[0] + floor
-    plain, smooth = (_left(_smooth(series, columns, degree), series.in_time)[0] + floor for degree in (0, 2))
-    spare = series.speed.size - columns.shape[1] - 1
-    told = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
-    return bool(told and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
 
 
 def _floor(series: ResonantSeries, policy: Policy) -> float:
@@ -363,53 +269,65 @@ def _floor(series: ResonantSeries, policy: Policy) -> float:
     return float(np.sum((policy.line_share * np.abs(series.waves)) ** 2) + series.speed.size * policy.model_error**2)
 
 
-def _nested(series: ResonantSeries, columns: Waves, natural: Array, damping: Array, policy: Policy) -> Array:
+def _nested(series: ResonantSeries, natural: Array, damping: Array, policy: Policy) -> Array:
     """Logarithm of the chance, less its sign, that noise about a smooth law falls as much by a resonance beside it.
 
     Of m complex values to spare one more column leaves a share of the law beta(m, 1): minus m times its logarithm is
     exponential.
     """
-    smooth = _smooth(series, columns, 2)
-    spare = series.speed.size - smooth.shape[1] - 1
-    if spare < 1:
-        return np.zeros(natural.size)
+    smooth, floor = series.smooth(2), _floor(series, policy)
+    spare = max(series.speed.size - smooth.shape[1] - 1, 0)
     rows = growth(series.frequency, natural[:, None], damping[:, None])
-    floor = _floor(series, policy)
-    before = _left(smooth, series.in_time)[0] + floor
-    gain = spare * np.log(before / (_left(smooth, series.in_time, rows) + floor))
-    return np.asarray(gain)
+    return np.asarray(
+        spare * np.log((_left(smooth, series.waves)[0] + floor) / (_left(smooth, series.waves, rows) + floor))
+    )
+
+
+def _follows(series: ResonantSeries, natural: float, damping: float, policy: Policy) -> bool:
+    """Tell whether a series follows a natural frequency that others show, and no parabola over the speed as well.
+
+    One that is magnified twice or more, of which a flank may be all that is measured.
+    """
+    rows = growth(series.frequency, natural, damping)[None]
+    with_it = _left(series.beside, series.waves, rows)[0] + _floor(series, policy)
+    plain, smooth = (_left(series.smooth(degree), series.waves)[0] + _floor(series, policy) for degree in (0, 2))
+    spare = series.speed.size - series.beside.shape[1] - 1
+    told = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
+    return bool(told and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
 
 
 def _likelier(
-    chosen: Sequence[ResonantSeries], beside: Sequence[Waves], natural: Array, damping: Array, policy: Policy
+    chosen: Sequence[ResonantSeries], natural: Array, damping: Array, policy: Policy
 ) -> tuple[float, float] | None:
     """Frequency and damping of the best resonance of some series, if it is likelier than what has as many sizes.
 
     That is a parabola over the speed, or a line with a step, or with one speed astray, the same in all series; or
     peaks of several orders at one speed, wherever their frequencies are then.
     """
-    speeds = np.unique(np.round(np.concatenate([s.speed for s in chosen]), 9))
+    speeds = np.unique(np.round(np.concatenate([own.speed for own in chosen]), 9))[:, None]
+    orders = {own.order for own in chosen}
     resonant, others = np.zeros(natural.size), np.zeros(1 + 2 * speeds.size)
-    orders = {series.order for series in chosen}
-    per_hertz = [series.speed[-1] / series.frequency[-1] for series in chosen]
     at_speed = np.zeros((len(orders), natural.size))
-    for series, columns in zip(chosen, beside, strict=True):
-        count, floor, line = series.speed.size, _floor(series, policy), _smooth(series, columns, 1)
-        rows = growth(series.frequency, natural[:, None], damping[:, None])
-        resonant += count * np.log(_left(columns, series.in_time, rows) + floor)
-        for row, one in zip(at_speed, sorted(set(per_hertz)), strict=True):
-            rows = growth(series.speed, (natural * one)[:, None], damping[:, None])
-            row += count * np.log(_left(columns, series.in_time, rows) + floor)
-        after = series.speed - speeds[:, None] > -1e-9
-        astray = np.abs(series.speed - speeds[:, None]) < 1e-9
-        rivals = [_left(line, series.in_time, kind.astype(complex)) for kind in (after, astray)]
-        others += count * np.log(np.concatenate([_left(_smooth(series, columns, 2), series.in_time), *rivals]) + floor)
+    per_hertz = sorted({own.speed[-1] / own.frequency[-1] for own in chosen})[: len(orders)]
+    for own in chosen:
+        floor, line = _floor(own, policy), own.smooth(1)
+
+        def unlikely(left: Array, count: int = own.speed.size, floor: float = floor) -> Array:
+            return count * np.log(left + floor)
+
+        rows = growth(own.frequency, natural[:, None], damping[:, None])
+        resonant += unlikely(_left(own.beside, own.waves, rows))
+        for row, factor in zip(at_speed, per_hertz, strict=True):
+            row += unlikely(
+                _left(own.beside, own.waves, growth(own.speed, factor * natural[:, None], damping[:, None]))
+            )
+        steps = [own.speed - speeds > -1e-9, np.abs(own.speed - speeds) < 1e-9]
+        rivals = [_left(own.smooth(2), own.waves), *(_left(line, own.waves, kind.astype(complex)) for kind in steps)]
+        others += unlikely(np.concatenate(rivals))
     best = int(np.argmin(resonant))
-    if not any(series.frequency[0] < natural[best] < series.frequency[-1] for series in chosen):
-        return None  # beyond all that was measured: only one flank
-    if len(orders) > 1 and at_speed.min() < resonant[best]:
-        return None
-    if resonant[best] >= others.min() + math.log(policy.false_alarm):
+    between = any(own.frequency[0] < natural[best] < own.frequency[-1] for own in chosen)  # else it is only one flank
+    likelier = resonant[best] < others.min() + math.log(policy.false_alarm)
+    if not between or not likelier or (len(orders) > 1 and at_speed.min() < resonant[best]):
         return None
     return float(natural[best]), float(damping[best])
 
@@ -417,133 +335,73 @@ def _likelier(
 # --- how large, and how well told -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighted:
-    """Series with their weights: squares that one mode leaves of them over frequency and damping.
-
-    Attributes
-    ----------
-    rows : tuple of (ResonantSeries, Waves, ndarray)
-        With the columns beside, and weights, shape (n,).
-    near : float
-        Hz, about which to look.
-    """
-
-    rows: tuple[tuple[ResonantSeries, Waves, Array], ...]
-    near: float
-
-    def squares(self, natural: Array, damping: Array) -> Array:
-        """Of all series, shape (f, d)."""
-        f, d = (grid.ravel()[:, None] for grid in np.meshgrid(natural, damping, indexing="ij"))
-        total = np.zeros(f.size)
-        for series, columns, weight in self.rows:
-            own = growth(series.frequency, f, d) * weight
-            total += _left(columns * weight[:, None], series.in_time * weight, own)
-        return total.reshape(natural.size, damping.size)
-
-    def only(self, which: Sequence[int]) -> _Weighted:
-        """Of some of the series."""
-        return replace(self, rows=tuple(self.rows[n] for n in which))
-
-    @property
-    def _axes(self) -> tuple[Array, Array]:
-        f = np.geomspace(self.near / _REACH, self.near * _REACH, 3 * _FINE)
-        return f, np.geomspace(_LIGHTEST, _HEAVIEST, _FINE)
-
-    @cached_property
-    def best(self) -> tuple[float, float, float]:
-        """Frequency and damping that leave least, and what they leave."""
-        axes = self._axes
-        for _ in range(_ZOOMS):
-            total = self.squares(*axes)
-            f, d = map(int, np.unravel_index(int(np.argmin(total)), total.shape))
-            least = (float(axes[0][f]), float(axes[1][d]), float(total[f, d]))
-            axes = (_between(axes[0], f - 1, f + 1), _between(axes[1], d - 1, d + 1))
-        return least
-
-    def placed(self, damping: float) -> float:
-        """Frequency that leaves least with a damping."""
-        natural = self._axes[0]
-        for _ in range(_ZOOMS):
-            at = int(np.argmin(self.squares(natural, np.array([damping]))))
-            best, natural = float(natural[at]), _between(natural, at - 1, at + 1)
-        return best
-
-    def within(self, most: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Ends of frequency and of damping within which no more is left; NaN beyond what is looked at."""
-        edges, axes = self._axes, self._axes
-        ends = ((math.nan, math.nan),) * 2
-        for _ in range(_ZOOMS):
-            total = self.squares(*axes)
-            level = max(most, float(total.min()))
-            f_ends, f_cells = _crossed(axes[0], total.min(axis=1), level)
-            d_ends, d_cells = _crossed(axes[1], total.min(axis=0), level)
-            ends = (
-                _told(f_ends, axes[0], edges[0]),
-                _told(d_ends, axes[1], edges[1]),
-            )
-            axes = (_between(axes[0], *f_cells), _between(axes[1], *d_cells))
-        return ends
+def _squares(chosen: Sequence[ResonantSeries], natural: Array | float, damping: Array | float) -> Array:
+    """Weighted squares that one mode leaves of some series, over frequencies or dampings."""
+    f, d = np.broadcast_arrays(natural, damping)
+    total = np.zeros(f.size)
+    for own in chosen:
+        weight = _weight(own)
+        rows = growth(own.frequency, f.reshape(-1, 1), d.reshape(-1, 1)) * weight
+        total += _left(own.beside * weight[:, None], own.waves * weight, rows)
+    return total
 
 
-def _between(values: Array, first: int, last: int) -> Array:
-    """As many values between two of them, as far as there are such."""
-    return np.geomspace(values[max(first, 0)], values[min(last, values.size - 1)], values.size)
+def _weight(series: ResonantSeries) -> Array:
+    return np.asarray(1 / np.hypot(series.sigma, _OFF * np.abs(series.waves)))
 
 
-def _crossed(values: Array, left: Array, level: float) -> tuple[tuple[float, float], tuple[int, int]]:
-    """Where squares cross a level on both sides, and the cells about that."""
-    inside = np.flatnonzero(left <= level)
-    cells = (int(inside[0]) - 1, int(inside[-1]) + 1)
-    ends = [
-        float(np.interp(level, left[[at, out]], values[[at, out]])) if 0 <= out < values.size else float(values[at])
-        for at, out in zip(inside[[0, -1]].tolist(), cells, strict=True)
+def _minimum(left: Callable[..., Array], *ranges: tuple[float, float]) -> tuple[tuple[float, ...], float]:
+    """Values within ranges that leave least, and what they leave."""
+    for _ in range(_ZOOMS):
+        axes = [np.geomspace(*ends, _FINE) for ends in ranges]
+        total = left(*(grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")))
+        least = [int(at) for at in np.unravel_index(int(np.argmin(total)), (_FINE,) * len(axes))]
+        ranges = tuple(
+            (float(axis[max(at - 1, 0)]), float(axis[min(at + 1, _FINE - 1)]))
+            for axis, at in zip(axes, least, strict=True)
+        )
+    return tuple(float(axis[at]) for axis, at in zip(axes, least, strict=True)), float(total.min())
+
+
+def _ends(left: Callable[[float], float], best: float, most: float, edges: tuple[float, float]) -> list[float]:
+    """Where more is left than `most` on both sides of the best value; NaN beyond what is looked at."""
+    return [
+        float(scipy.optimize.brentq(lambda value: left(value) - most, best, edge, xtol=1e-6 * best))
+        if left(edge) > most
+        else math.nan
+        for edge in edges
     ]
-    return (ends[0], ends[1]), cells
 
 
-def _told(ends: tuple[float, float], values: Array, edges: Array) -> tuple[float, float]:
-    """Ends that are not those of what is looked at."""
-    return (
-        math.nan if ends[0] <= edges[0] * (1 + 1e-9) else ends[0],
-        math.nan if ends[1] >= edges[-1] * (1 - 1e-9) else ends[1],
-    )
+def one_mode(chosen: Sequence[ResonantSeries], near: float, policy: Policy) -> Resonance:
+    """One mode fitted to the series that show it.
 
+    Parameters
+    ----------
+    chosen : sequence of ResonantSeries
+    near : float
+        Hz, about which its frequency is looked for.
+    policy : Policy
+    """
+    frequencies, dampings = (near / _REACH, near * _REACH), (_LIGHTEST, _HEAVIEST)
 
-def _fitted(chosen: Sequence[ResonantSeries], beside: Sequence[Waves], near: float, policy: Policy) -> Resonance:
-    """One mode fitted to the series that show it."""
-    numbers = 2 * sum(series.speed.size for series in chosen)
+    def best(some: Sequence[ResonantSeries]) -> tuple[tuple[float, ...], float]:
+        return _minimum(partial(_squares, some), frequencies, dampings)
 
-    def weighted(share: float) -> _Weighted:
-        weights = [1 / np.hypot(series.sigma, share * np.abs(series.waves)) for series in chosen]
-        return _Weighted(tuple(zip(chosen, beside, weights, strict=True)), near)
-
-    def unlikely(share: float) -> float:
-        trial = weighted(share)
-        return numbers * math.log(trial.best[2]) - 4 * sum(float(np.log(w).sum()) for _, _, w in trial.rows)
-
-    share = min(_SHARES, key=unlikely)
-    every = weighted(share)
-    frequency, ratio, least = every.best
-    groups = _groups(chosen)
-    apart = sum(every.only(group).best[2] for group in groups)
-    spare = numbers - 2 * sum(columns.shape[1] + 1 for columns in beside) - 2 * len(groups)
-    scale = apart / max(spare, 1)
-    # orders that are off one common mode by more than their noise lets them widen the interval (Birge's ratio)
+    (frequency, ratio), least = best(chosen)
+    orders = sorted({own.order for own in chosen})
+    of_order = {order: [own for own in chosen if own.order == order] for order in orders}
+    groups = list(of_order.values()) if len(orders) > 1 else [[own] for own in chosen]
+    apart = sum(best(group)[1] for group in groups)
+    spare = max(sum(2 * (own.speed.size - own.beside.shape[1] - 1) for own in chosen) - 2 * len(groups), 1)
+    scale = apart / spare
+    # series that are off one common mode by more than their noise lets them widen the interval (Birge's ratio)
     wider = max(1.0, (least - apart) / scale / (2 * (len(groups) - 1))) if len(groups) > 1 else 1.0
-    more = student((1 - policy.confidence) / 2, max(spare, 1)) ** 2 * scale * wider
-    (low, high), (lighter, heavier) = every.within(least + more)
-    peaks, sized = [], []
-    for order in sorted({series.order for series in chosen}):
-        own = every.only([n for n, series in enumerate(chosen) if series.order == order])
-        others = every.only([n for n, series in enumerate(chosen) if series.order != order])
-        told = (others.best[0], *others.within(others.best[2] + more)[0]) if others.rows else (math.nan,) * 3
-        alone = own.placed(ratio)
-        there, here = own.squares(np.array([frequency, alone]), np.array([ratio]))[:, 0]
-        differs = bool(there - here > student(policy.false_alarm / 2, max(spare, 1)) ** 2 * scale)
-        peaks.append(_peak([series for series, *_ in own.rows], alone, told, differs=differs))
-        # an order that disagrees has its own law, so that what it adds is taken off where it peaks
-        sized += [_sized(*row, alone if differs else frequency, ratio) for row in own.rows]
+    most = least + student((1 - policy.confidence) / 2, spare) ** 2 * scale * wider
+    low, high = _ends(lambda f: _minimum(partial(_squares, chosen, f), dampings)[1], frequency, most, frequencies)
+    lighter, heavier = _ends(
+        lambda d: _minimum(partial(_squares, chosen, damping=d), frequencies)[1], ratio, most, dampings
+    )
     return Resonance(
         frequency=frequency,
         low=low,
@@ -552,47 +410,19 @@ def _fitted(chosen: Sequence[ResonantSeries], beside: Sequence[Waves], near: flo
         damping_low=lighter,
         damping_high=heavier,
         confidence=policy.confidence,
-        off=share * math.sqrt(scale),
-        series=tuple(sized),
-        peaks=tuple(peaks),
+        off=_OFF * math.sqrt(scale),
+        series=tuple(_sized(own, frequency, ratio) for own in chosen),
+        alone={
+            order: _minimum(partial(_squares, own, damping=ratio), frequencies)[0][0] for order, own in of_order.items()
+        },
     )
 
 
-def _groups(chosen: Sequence[ResonantSeries]) -> list[list[int]]:
-    """Series that may differ from one another: those of an order, or of one order each alone."""
-    orders = sorted({series.order for series in chosen})
-    if len(orders) == 1:
-        return [[n] for n in range(len(chosen))]
-    return [[n for n, series in enumerate(chosen) if series.order == order] for order in orders]
-
-
-def _sized(series: ResonantSeries, columns: Waves, weight: Array, natural: float, damping: float) -> ResonantSeries:
+def _sized(series: ResonantSeries, natural: float, damping: float) -> ResonantSeries:
     """The series with the sizes of its law."""
-    rows = np.concatenate([columns, growth(series.frequency, natural, damping)[:, None]], axis=1)
-    sizes = np.linalg.lstsq(rows * weight[:, None], series.in_time * weight, rcond=None)[0]
-    return replace(series, static=complex(sizes[0]), resonant=complex(sizes[-1]), natural=natural, damping=damping)
-
-
-def _peak(own: Sequence[ResonantSeries], alone: float, told: Sequence[float], *, differs: bool) -> ForetoldPeak:
-    """Where an order is largest over the speed, of all its series."""
-    strongest = max(own, key=lambda series: float(np.abs(series.waves).max()))
-    speed = np.unique(strongest.speed)
-    top = int(np.searchsorted(speed, strongest.speed[int(np.argmax(np.abs(strongest.waves)))]))
-    per_hertz = float(strongest.speed[-1] / strongest.frequency[-1])
-    below, above = (float(speed[min(max(top + step, 0), speed.size - 1)]) for step in (-1, 1))
-    usual = float(np.median(np.diff(speed)))
-    return ForetoldPeak(
-        order=strongest.order,
-        alone=alone,
-        differs=differs,
-        speed=told[0] * per_hertz,
-        low=told[1] * per_hertz,
-        high=told[2] * per_hertz,
-        highest=float(speed[top]),
-        below=below,
-        above=above,
-        gap=bool(max(above - speed[top], speed[top] - below) > 1.5 * usual),
-    )
+    rows, weight = np.column_stack([series.beside, growth(series.frequency, natural, damping)]), _weight(series)
+    sizes = np.linalg.lstsq(rows * weight[:, None], series.waves * weight, rcond=None)[0]
+    return replace(series, static=complex(sizes[0]), resonant=complex(sizes[-1]))
 
 
 # --- what errors are without it ---------------------------------------------------------------------------------------
@@ -613,26 +443,51 @@ def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tu
         Real parts, then imaginary ones, rad: of the law, and what it may be off by: its own misfit, and what it moves
         when the frequency goes from end to end of its interval.
     """
-    parts = [np.zeros(2 * case.orders.size) for case in cases]
-    variances = [np.zeros(2 * case.orders.size) for case in cases]
+    parts = [np.zeros(case.orders.size, complex) for case in cases]
+    variances = [np.zeros(case.orders.size) for case in cases]
     for one in found:
         ends = [end / one.frequency if math.isfinite(end) else 1.0 for end in (one.low, one.high)]
         for series in one.series:
-            here = series.part(series.frequency)
-            span = np.abs(np.subtract(*(series.part(series.frequency, shifted=end) for end in ends))) / 4
+            here = one.part(series, series.frequency)
+            span = np.abs(np.subtract(*(one.part(series, series.frequency, shifted=end) for end in ends))) / 4
             deviation = np.hypot(one.off * np.abs(here), span)
-            for (at, place), wave, off in zip(series.places, here.tolist(), deviation.tolist(), strict=True):
-                count = cases[at].orders.size
-                for number, value in ((place, wave.real), (place + count, wave.imag)):
-                    parts[at][number] += value
-                    variances[at][number] += off**2
-    return parts, [np.sqrt(variance) for variance in variances]
+            waves = here if series.direction > 0 else np.conj(here)
+            for (at, place), wave, off in zip(series.places, waves, deviation, strict=True):
+                parts[at][place] += wave
+                variances[at][place] += off**2
+    return (
+        [np.concatenate([part.real, part.imag]) for part in parts],
+        [np.tile(np.sqrt(variance), 2) for variance in variances],
+    )
 
 
 def without(cases: Sequence[OrderCase], parts: Sequence[Array]) -> tuple[OrderCase, ...]:
     """The cases less what natural frequencies add."""
-    counts = [case.orders.size for case in cases]
+    halves = [np.split(part, 2) for part in parts]
     return tuple(
-        replace(case, waves=case.waves - part[:k] - 1j * part[k:])
-        for case, part, k in zip(cases, parts, counts, strict=True)
+        replace(case, waves=case.waves - real - 1j * imaginary)
+        for case, (real, imaginary) in zip(cases, halves, strict=True)
     )
+
+
+def slowest(cases: Sequence[OrderCase]) -> list[int]:
+    """Numbers of the cases of the least speed among those alike in direction, load and temperature.
+
+    Parameters
+    ----------
+    cases : sequence of OrderCase
+        A case without a speed is kept.
+
+    Returns
+    -------
+    list of int
+    """
+    at = [case.condition for case in cases]
+    direction, torque, speed, temperature = np.array(
+        [(one.direction, one.torque, one.input_speed, one.temperature) for one in at], dtype=np.float64
+    ).T
+    torques = level_of(torque, SAME_SETTING * float(np.nanmax(torque, initial=0.0)))
+    alike = np.stack([direction, torques, level_of(temperature, SAME_TEMPERATURE)], axis=1)
+    speed = np.nan_to_num(speed)
+    least = np.array([speed[(alike == own).all(axis=1)].min() for own in alike])
+    return np.flatnonzero(speed <= least * (1 + SAME_SETTING)).tolist()

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.diagnosis.order_passport import SAME_SETTING, OrderPassport, passport
+from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
-from rverror.diagnosis.orders.resonances import Resonance, resonances_of, settings_of
+from rverror.diagnosis.orders.resonances import Resonance, resonances_of, slowest
 from rverror.diagnosis.policy import Policy
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_fit import order_table_from_runs
-from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.runs.order_table import OrderTable
 
 _FRAMES = ("output", "housing", "crank", "sun")  # one of each order: carrier and disc have the crank's
 _HARMONICS = (1, 2)
@@ -110,26 +110,3 @@ def resonances_of_runs(
             "(rverror.runs.order_table_from_runs) takes off what it adds"
         )
     return found, tuple(notes), slow
-
-
-def slowest(cases: Sequence[OrderCase]) -> list[int]:
-    """Numbers of the cases of the least speed among those alike in direction, load and temperature.
-
-    Parameters
-    ----------
-    cases : sequence of OrderCase
-        A case without a speed is kept.
-
-    Returns
-    -------
-    list of int
-    """
-    least: dict[tuple[float, int, int], float] = {}
-    keys = settings_of(cases)
-    speeds = [case.condition.input_speed or 0.0 for case in cases]
-    for key, speed in zip(keys, speeds, strict=True):
-        least[key] = min(speed, least.get(key, speed))
-    return [
-        at for at, (key, speed) in enumerate(zip(keys, speeds, strict=True))
-        if speed <= least[key] * (1 + SAME_SETTING)
-    ]  # fmt: skip

@@ -7,8 +7,8 @@ least squares over that turn, all orders at once, as a bench takes them.  Everyt
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -24,6 +24,7 @@ from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.sight import Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
 from rverror.diagnosis.policy import Policy
+from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions
@@ -51,7 +52,6 @@ class TableRow:
 
     Attributes
     ----------
-    name : str
     torque : float, optional
         N*mm.
     zero : str
@@ -60,7 +60,6 @@ class TableRow:
         Waves have none that the fit would have to know.
     """
 
-    name: str
     torque: float | None
     zero: str = ""
     time: None = None
@@ -84,7 +83,6 @@ class TableSight(Sight):
     sigma: Array
     turn: AngleGrid
     torque: float | None
-    _maps: dict[AngleGrid, Array] = field(default_factory=dict, repr=False)
 
     @property
     def width(self) -> int:
@@ -108,13 +106,6 @@ class TableSight(Sight):
         design = np.concatenate([np.cos(angle), -np.sin(angle), np.ones((len(angle), 1))], axis=1)
         return np.asarray(np.linalg.pinv(design)[:-1].T)
 
-    def _waves(self, grid: AngleGrid, rows: Array) -> Array:
-        if grid == self.turn:
-            return np.asarray(rows @ self._own)
-        if grid not in self._maps:
-            self._maps[grid] = np.asarray(grid.to_samples(self.turn.theta)(np.eye(grid.points)) @ self._own)
-        return np.asarray(rows @ self._maps[grid])
-
     def _turned(self, rows: Array, offset: float) -> Array:
         """Waves of a gear train that stands so much further on: each is turned by its order times that angle."""
         if not offset:
@@ -123,13 +114,14 @@ class TableSight(Sight):
         waves = (rows[..., :count] + 1j * rows[..., count:]) * np.exp(1j * self.case.orders * offset)
         return np.concatenate([waves.real, waves.imag], axis=-1)
 
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Waves of rows on the grid of a waveform."""
-        return self._turned(self._waves(wave.grid, rows), offset)
-
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Waves of rows on a grid."""
-        return self._turned(self._waves(grid, rows), offset)
+        there = rows if grid == self.turn else grid.to_samples(self.turn.theta)(rows)
+        return self._turned(np.asarray(there @ self._own), offset)
+
+    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
+        """Waves of rows on the grid of a waveform."""
+        return self.of_grid(wave.grid, rows, offset)
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle of the marks."""
@@ -156,15 +148,18 @@ class TableSight(Sight):
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
-    """The numbers of conditions, by order.
+class TableSet(RunSet):
+    """Conditions of order tables, as a joint fit takes them.
 
     Attributes
     ----------
     cases : tuple of OrderCase
+    sigmas : tuple of ndarray, shape (2 k,)
     """
 
     cases: tuple[OrderCase, ...] = ()
+    sigmas: tuple[Array, ...] = ()
+    sampled = False
 
     @cached_property
     def orders(self) -> Array:
@@ -197,51 +192,22 @@ class Numbers:
             own[place] += 2 * min(2, len(loads))
         return numbers, own
 
+    def with_discrepancy(self, share: float) -> TableSet:
+        """The same with what a model of part errors is not right to, a share of each order's waves, beside its noise.
 
-@dataclass(frozen=True, eq=False)
-class TableSet(RunSet):
-    """Conditions of order tables, as a joint fit takes them.
-
-    Attributes
-    ----------
-    cases : tuple of OrderCase
-    sigmas : tuple of ndarray, shape (2 k,)
-    """
-
-    cases: tuple[OrderCase, ...] = ()
-    sigmas: tuple[Array, ...] = ()
-    sampled = False
-
-    @cached_property
-    def numbers(self) -> Numbers:
-        """All numbers, by order."""
-        return Numbers(self.cases)
-
-    @property
-    def orders(self) -> Array:
-        """All orders, shape (n,)."""
-        return self.numbers.orders
-
-    @property
-    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
-        """Of each case, which of the orders each of its numbers is of, shape (2 k,)."""
-        return self.numbers.places
-
-    @property
-    def values(self) -> tuple[Array, Array]:
-        """Of each order how many numbers there are, and how many of them are independent."""
-        return self.numbers.values
+        That is the same at neighbouring loads, so it is no noise of each number: all N numbers of an order tell no
+        more of it than M independent values, and its variance counts N/M times.
+        """
+        power = self.by_order(np.tile(np.abs(case.waves) ** 2 / 2, 2) for case in self.cases)
+        variance = share**2 * power / np.maximum(self.values[1], 1)  # power/N for each number, N/M times
+        both = zip(self.sigmas, self.places, strict=True)
+        return replace(self, sigmas=tuple(np.sqrt(sigma**2 + variance[at]) for sigma, at in both))
 
     @property
     def most_of_noise(self) -> Array:
         """Squares of each order that noise hardly exceeds, shape (n,)."""
         numbers, _ = self.values
         return np.asarray(numbers + self.policy.by_chance * np.sqrt(2 * numbers))
-
-    @cached_property
-    def zeros(self) -> tuple[str, ...]:
-        """No constants, so none is shared."""
-        return ()
 
     def apart(self, key: str) -> bool:
         """Every source that the contacts feel is solved."""
@@ -257,7 +223,13 @@ class TableSet(RunSet):
 
 
 def table_set(
-    unit: Reducer, cases: Sequence[OrderCase], sigmas: Sequence[Array], policy: Policy, *, anywhere: bool
+    unit: Reducer,
+    cases: Sequence[OrderCase],
+    sigmas: Sequence[Array],
+    *,
+    policy: Policy,
+    anywhere: bool,
+    prior: SizePrior = WORKSHOP,
 ) -> TableSet:
     """Conditions of order tables, each solved once for its direction and torque.
 
@@ -270,6 +242,7 @@ def table_set(
     policy : Policy
     anywhere : bool
         Whether the gear's marks may be at any angle.
+    prior : SizePrior
     """
     highest = max(float(case.orders.max()) for case in cases)
     points = 2 ** math.ceil(math.log2(max(_SAMPLES_A_WAVE * highest, 512)))
@@ -283,7 +256,7 @@ def table_set(
         key = (case.condition.direction, load)
         conditions.setdefault(key, Conditioned(*key, turn))
         which.append(list(conditions).index(key))
-        rows.append(TableRow(case_name(case), load))
+        rows.append(TableRow(load))
     loaded = bool(least)
     refit = loaded and policy.refit_stiffness
     return TableSet(
@@ -294,19 +267,10 @@ def table_set(
         policy=policy,
         soft=np.array([refit] * 9 + [loaded]),
         anywhere=anywhere,
+        prior=prior,
         cases=tuple(cases),
         sigmas=tuple(sigmas),
     )
-
-
-def case_name(case: OrderCase) -> str:
-    """The condition in words."""
-    at = case.condition
-    words = ["forward" if at.direction > 0 else "reverse"]
-    words += [f"{at.torque / 1e3:g} N*m"] if at.torque is not None else []
-    words += [f"{at.input_speed * 30 / math.pi:.4g} rpm"] if at.input_speed is not None else []
-    words += [f"{at.temperature - 273.15:.4g} degC"] if at.temperature is not None else []
-    return " ".join(words)
 
 
 def joined(tables: Sequence[OrderTable]) -> tuple[OrderCase, ...]:
@@ -337,119 +301,47 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
     list of ndarray, shape (2 k,)
     list of str
     """
-    if all(case.sigma is not None for case in cases):
-        return [_both(case, floor, {}) for case in cases], []
-    found, guessed = _smoothness(cases), {}
-    for order, sizes in _sizes(cases).items():
-        if order not in found:
-            guessed[order] = max(_GUESSED * float(np.sqrt(np.mean(np.square(sizes)))), _LEAST_GUESS)
+    found: dict[float, float] = {}
+    guessed: dict[float, float] = {}
+    if any(case.sigma is None for case in cases):
+        for order in sorted({round(order, 6) for case in cases for order in case.orders.tolist()}):
+            series = _over_the_load(cases, order)
+            squares, freedom = np.sum([_beyond_a_parabola(*one) for one in series], axis=0)
+            if freedom:
+                found[order] = math.sqrt(squares / freedom)
+            else:
+                rms = float(np.sqrt(np.mean(np.abs(np.concatenate([waves for _, waves in series])) ** 2)))
+                guessed[order] = max(_GUESSED * rms, _LEAST_GUESS)
     notes = []
     for told, how in (
         (found, "taken from how smoothly each order changes over the load"),
         (guessed, f"too few loads to tell it from: guessed as {100 * _GUESSED:g} % of each order"),
     ):
-        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in sorted(told.items()))
+        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in told.items())
         notes += [f"the table states no sigma; {how}, {listed} arcsec"] if told else []
-    return [_both(case, floor, found | guessed) for case in cases], notes
+    told = found | guessed
+    own = [
+        np.array([told[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
+        for case in cases
+    ]
+    return [np.tile(np.hypot(sigma, floor), 2) for sigma in own], notes
 
 
-def _both(case: OrderCase, floor: float, told: Mapping[float, float]) -> Array:
-    """Deviations of real and imaginary parts: those that are stated, else those that were told."""
-    own = np.array([told[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
-    return np.tile(np.hypot(own, floor), 2)
-
-
-def _sizes(cases: Sequence[OrderCase]) -> dict[float, list[float]]:
-    """Amplitudes of each order."""
-    sizes: dict[float, list[float]] = {}
-    for case in cases:
-        for order, wave in zip(case.orders.tolist(), case.waves.tolist(), strict=True):
-            sizes.setdefault(round(order, 6), []).append(abs(wave))
-    return sizes
-
-
-def _smoothness(cases: Sequence[OrderCase]) -> dict[float, float]:
-    """What parabolas over the torque leave of each order."""
+def _over_the_load(cases: Sequence[OrderCase], order: float) -> list[tuple[Array, Array]]:
+    """Torques and waves of an order, of each direction, speed and temperature."""
     groups: dict[tuple[float, ...], list[tuple[float, complex]]] = {}
     for case in cases:
         at = case.condition
-        for order, wave in zip(case.orders.tolist(), case.waves.tolist(), strict=True):
-            key = (round(order, 6), at.direction, at.input_speed or 0.0, at.temperature or 0.0)
-            groups.setdefault(key, []).append((at.torque or 0.0, wave))
-    sums: dict[float, tuple[float, int]] = {}
-    for group, pairs in groups.items():
-        if len({torque for torque, _ in pairs}) < _LOADS_OF_A_LAW:
-            continue
-        torque = np.array([t for t, _ in pairs])
-        design = np.vander(torque / max(float(torque.max()), 1e-300), 3)
-        waves = np.array([w for _, w in pairs])
-        rest = waves - design @ np.linalg.lstsq(design, waves, rcond=None)[0]
-        squares, freedom = sums.get(group[0], (0.0, 0))
-        sums[group[0]] = (squares + float(np.sum(np.abs(rest) ** 2)), freedom + 2 * (len(pairs) - 3))
-    return {order: math.sqrt(squares / freedom) for order, (squares, freedom) in sums.items()}
+        for place in np.flatnonzero(np.round(case.orders, 6) == order):
+            key = (at.direction, at.input_speed or 0.0, at.temperature or 0.0)
+            groups.setdefault(key, []).append((at.torque or 0.0, case.waves[place]))
+    return [(np.array(torques), np.array(waves)) for torques, waves in (zip(*g, strict=True) for g in groups.values())]
 
 
-def discrepancy(cases: Sequence[OrderCase], sigmas: Sequence[Array], share: float) -> list[Array]:
-    """Noise with what a model of part errors is not right to, a share of each order's waves, beside it.
-
-    That is the same at neighbouring loads, so it is no noise of each number: all N numbers of an order tell no more of
-    it than M independent values, and its variance counts N/M times.
-
-    Parameters
-    ----------
-    cases : sequence of OrderCase
-    sigmas : sequence of ndarray, shape (2 k,)
-    share : float
-    """
-    numbers = Numbers(tuple(cases))
-    power = numbers.by_order(np.tile(np.abs(case.waves) ** 2 / 2, 2) for case in cases)
-    variance = share**2 * power / np.maximum(numbers.values[1], 1)  # power/N for each number, N/M times
-    return [np.sqrt(sigma**2 + variance[at]) for sigma, at in zip(sigmas, numbers.places, strict=True)]
-
-
-def at_any_speed(
-    cases: Sequence[OrderCase], sigmas: Sequence[Array], *, by_chance: float
-) -> tuple[list[OrderCase], list[Array], bool]:
-    """Conditions that differ in speed alone as one, which is all that a model that knows no speed can tell of them.
-
-    Each number is the mean by the inverse variances, its deviation that of the mean, larger by as much as the numbers
-    scatter by more than their deviations say (Birge's ratio).
-
-    Parameters
-    ----------
-    cases : sequence of OrderCase
-    sigmas : sequence of ndarray, shape (2 k,)
-    by_chance : float
-        As in `Policy`.
-
-    Returns
-    -------
-    list of OrderCase
-        At no speed where it is a mean.
-    list of ndarray
-    bool
-        Whether they scatter no more than their deviations say.
-    """
-    squares, freedom = 0.0, 0
-    groups: dict[tuple[object, ...], list[int]] = {}
-    for at, case in enumerate(cases):
-        groups.setdefault((replace(case.condition, input_speed=None), *case.orders.tolist()), []).append(at)
-    merged, deviations = [], []
-    for group in groups.values():
-        first = cases[group[0]]
-        if len(group) == 1:
-            merged.append(first)
-            deviations.append(sigmas[group[0]])
-            continue
-        weights = np.array([sigmas[at] for at in group]) ** -2.0
-        values = np.array([np.concatenate([cases[at].waves.real, cases[at].waves.imag]) for at in group])
-        mean = (weights * values).sum(axis=0) / weights.sum(axis=0)
-        wider = (weights * (values - mean) ** 2).sum(axis=0) / (len(group) - 1)
-        squares += float(wider.sum()) * (len(group) - 1)
-        freedom += wider.size * (len(group) - 1)
-        count = first.orders.size
-        both = wider.reshape(2, count).mean(axis=0)  # real and imaginary parts have one deviation
-        condition = replace(first.condition, input_speed=None)
-        merged.append(replace(first, condition=condition, waves=mean[:count] + 1j * mean[count:], sigma=None))
-        deviations.append(np.sqrt(np.tile(np.maximum(both, 1.0), 2) / weights.sum(axis=0)))
-    return merged, deviations, squares <= freedom + by_chance * math.sqrt(2 * freedom)
+def _beyond_a_parabola(torque: Array, waves: Array) -> tuple[float, int]:
+    """Squares that a parabola over the torque leaves, and of how many numbers; nothing of too few loads."""
+    if np.unique(torque).size < _LOADS_OF_A_LAW:
+        return 0.0, 0
+    design = np.vander(torque / torque.max(), 3)
+    rest = waves - design @ np.linalg.lstsq(design, waves, rcond=None)[0]
+    return float(np.sum(np.abs(rest) ** 2)), 2 * (torque.size - 3)

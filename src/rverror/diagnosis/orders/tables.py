@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.diagnosis.gears.account import elastic_within
+from rverror.diagnosis.gears.account import elastic_within, estimated, printed
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.score import Hypothesis
@@ -21,22 +22,14 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes
-from rverror.diagnosis.orders.order_search import Linear, chance, described, rivals, searched
-from rverror.diagnosis.orders.resonances import Resonance, resonances_of, resonant_parts, without
-from rverror.diagnosis.orders.table_set import (
-    TableSet,
-    at_any_speed,
-    discrepancy,
-    joined,
-    noise_of_cases,
-    table_set,
-)
+from rverror.diagnosis.orders.order_search import Linear, chance, conditions_of, described, rivals, searched
+from rverror.diagnosis.orders.resonances import resonances_of, resonant_parts, slowest, without
+from rverror.diagnosis.orders.table_set import TableSet, joined, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import (
     Addition,
     Diagnosis,
     ElasticEstimate,
-    Estimate,
     Line,
     OrderShare,
     Progress,
@@ -46,7 +39,7 @@ from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Model
 from rverror.model.empirical import LAWS, tells_directions
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.runs.spectrum import frames_of_order
@@ -87,41 +80,39 @@ def diagnose_tables(
     cases = without(measured, resonant)
     own_noise, said = noise_of_cases(cases, floor=policy.model_error)
     noise = [np.hypot(*both) for both in zip(own_noise, unsure, strict=True)]
-    notes += said + _conditions(cases, resonances) + critical_notes(declared, cases, resonances)
-    sigmas = discrepancy(cases, noise, policy.line_share)
+    notes += said + _conditions(cases) + critical_notes(declared, cases, resonances)
     journal = Journal(tell)
     tell(f"predicting the declared model under {len(cases)} conditions")
-    some = _some_loads(cases)
-    few, spreads, even = at_any_speed([cases[n] for n in some], [sigmas[n] for n in some], by_chance=policy.by_chance)
-
-    def seen(cases: Sequence[OrderCase], sigmas: Sequence[Array]) -> TableSet:
-        return replace(table_set(unit, cases, sigmas, policy, anywhere=anywhere), prior=prior)
-
-    bench = seen(few, spreads)
+    some = _some_of(cases)
+    made = partial(table_set, unit, policy=policy, anywhere=anywhere, prior=prior)
+    plain = made(cases, noise)
+    wide = plain.with_discrepancy(policy.line_share)
+    bench = made([cases[n] for n in some], [wide.sigmas[n] for n in some])
     first = evaluated(bench, model, model)
     root = fitted(first, steps=6)
     candidates = candidates_of(model, bench, policy)
     notes += bench.prior.notes(candidates)
     found = searched(root, candidates, journal)
     # what changes with the speed alone is in no model, so no set of causes leaves noise
-    complete = _complete_set(root, found, candidates, given, journal) if even else None
+    one_speed = len({case.condition.input_speed for case in cases}) == 1
+    complete = _complete_set(root, found, candidates, given, journal) if one_speed else None
     if complete is not None:
         found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
-    whole = evaluated(seen(cases, sigmas), found.model, model)
-    causes = fitted(evaluated(seen(cases, widened(whole)), found.model, model, whole.waves), steps=8, enough=1.0)
+    whole = evaluated(wide, found.model, model)
+    scattered = replace(wide, sigmas=tuple(widened(whole)))
+    causes = fitted(evaluated(scattered, found.model, model, whole.waves), steps=8, enough=1.0)
     tell("describing what no cause accounts for")
-    plain = seen(cases, noise)
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
     result = replace(causes.model, effects=(*causes.model.effects, *laws.effects()))
     final = evaluated(plain, result, model, causes.waves)
-    printed = evaluated(plain, _as_printed(model, final), model)
+    as_printed = evaluated(plain, replace(model, effects=printed(model, final)), model)
     refitted = evaluated(plain, root.model, model)
     tell("looking for what does as well")
     named = len(causes.added)
     alike = [complete[0].as_good(complete[1], n) if complete else rivals(found, n, candidates) for n in range(named)]
     origin = "found by rverror diagnose in " + ", ".join(table.path or "a table" for table in tables)
-    after = _residual(final, _left_by_laws(final, causes, laws))
+    after = _residual(final, _left_by_laws(causes, laws))
     added = tuple(_claim(causes, found, n, alike[n], origin, after) for n in range(named))
     added += tuple(_law(laws, n, origin, after) for n in range(len(laws.blocks)))
     lines = _lines(final, named)
@@ -129,7 +120,7 @@ def diagnose_tables(
         notes.append(
             "index unknown: where the gear's marks stand was fitted with everything else; the zero is one for all"
         )
-    elastic = _elastic(causes)
+    elastic = elastic_within(causes, [_reach(causes, float(v)) for v in np.diag(causes.covariance)])
     notes += _strained_stiffness(causes, elastic)
     if lines and named:
         notes.append(
@@ -140,8 +131,8 @@ def diagnose_tables(
     return Diagnosis(
         verdict="unexplained" if lines else "explained" if named else "nothing_missing",
         noise_rms=_rms_of(own_noise),
-        before=_residual(printed, printed.residual, resonant),
-        before_refitted=_residual(refitted, left_out(refitted), resonant),
+        before=_residual(as_printed, as_printed.residual, resonant),
+        before_refitted=_residual(refitted, left_out(Linear(refitted)), resonant),
         after=after,
         added=added,
         unexplained=lines,
@@ -155,7 +146,6 @@ def diagnose_tables(
         elastic=elastic,
         passport=passport(measured, ratio=unit.ratio),
         shares=_shares(final),
-        conditions=tuple(case.condition for case in cases),
         resonances=resonances,
     )
 
@@ -187,36 +177,36 @@ def _check(model: Model, cases: Sequence[OrderCase]) -> None:
             raise InputError(f"{item.key} needs output_torque[N*m] under every condition; add it or remove the effect")
 
 
-def _conditions(cases: Sequence[OrderCase], resonances: Sequence[Resonance]) -> list[str]:
+def _conditions(cases: Sequence[OrderCase]) -> list[str]:
     """What the conditions do not tell."""
     at = [case.condition for case in cases]
-    notes = []
-    if len({c.direction for c in at}) == 1:
-        notes.append("one direction only: causes that share an order cannot be told apart; add the other direction")
-    if any(c.torque is None for c in at):
-        notes.append("no output_torque: predicted by the closed form (rigid, all loaded pins in contact)")
-    elif len({c.torque for c in at}) == 1:
-        notes.append("one load only: compliance and rigid part errors cannot be told apart; add loads")
-    if len({c.input_speed for c in at}) > 1:
-        notes.append(
-            "conditions differ in speed: what the natural frequencies add by their laws is taken off the waves before "
-            "causes are looked for, and what that leaves open counts as noise; the model as declared does not know it"
-            if resonances
-            else "conditions differ in speed, which the model does not know: near a natural frequency an order is "
-            "larger than any load makes it"
-        )
-    if len({c.temperature for c in at}) > 1:
-        notes.append("conditions differ in temperature, which the model knows as thermal.growth only")
-    return notes
+    torques = {c.torque for c in at}
+    notes = {
+        "one direction only: causes that share an order cannot be told apart; add the other direction": (
+            len({c.direction for c in at}) == 1
+        ),
+        "no output_torque: predicted by the closed form (rigid, all loaded pins in contact)": None in torques,
+        "one load only: compliance and rigid part errors cannot be told apart; add loads": (
+            len(torques) == 1 and None not in torques
+        ),
+        "conditions differ in speed, which the model does not know: what the natural frequencies add is taken off the "
+        "waves as far as their laws tell it; near others an order is larger than any load makes it": (
+            len({c.input_speed for c in at}) > 1
+        ),
+        "conditions differ in temperature, which the model knows as thermal.growth only": (
+            len({c.temperature for c in at}) > 1
+        ),
+    }
+    return [note for note, holds in notes.items() if holds]
 
 
-def _some_loads(cases: Sequence[OrderCase]) -> list[int]:
-    """Conditions of a few loads of each direction, evenly from the smallest to the largest, but for no load."""
+def _some_of(cases: Sequence[OrderCase]) -> list[int]:
+    """The slowest conditions of a few loads of each direction, evenly from the smallest to the largest."""
     loads = sorted({case.condition.torque or 0.0 for case in cases})
     if len(loads) > _LOADS:
         loads = [load for load in loads if load > 0]
         loads = [loads[round(at)] for at in np.linspace(0, len(loads) - 1, _LOADS)]
-    return [n for n, case in enumerate(cases) if (case.condition.torque or 0.0) in loads]
+    return [n for n in slowest(cases) if (cases[n].condition.torque or 0.0) in loads]
 
 
 def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
@@ -250,15 +240,6 @@ def laws_of(model: Model, bench: TableSet) -> tuple[Named, ...]:
     )
 
 
-def _as_printed(model: Model, fit: Fit) -> Model:
-    """The declared model as printed; where the gear's marks are is no size of a part: it is the fitted one."""
-    effects = tuple(
-        now if source(now.key).acts == "marks" else then
-        for now, then in zip(fit.model.effects, model.effects, strict=False)
-    )
-    return replace(model, effects=effects)
-
-
 def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[str]:
     """Stiffnesses farther from where they were declared than is known of them: they make up for what is missing."""
     known = fit.bench.gears.stiffness_uncertainty
@@ -271,18 +252,13 @@ def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[st
     ]
 
 
-def _elastic(fit: Fit) -> tuple[ElasticEstimate, ...]:
-    return elastic_within(fit, [_reach(fit, float(v)) for v in np.diag(fit.covariance)])
-
-
 def widened(fit: Fit) -> list[Array]:
     """Standard deviations by which each order is as far off as a fit leaves it.
 
     What causes leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
     drive declared sizes and stiffness to many times their uncertainty to make up for it.
     """
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     more = np.sqrt(np.maximum(Linear(fit).squares / bench.values[0], 1.0))
     return [sigma * more[at] for sigma, at in zip(bench.sigmas, bench.places, strict=True)]
 
@@ -297,8 +273,7 @@ def _rms_of(rests: Sequence[Array]) -> float:
 
 def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
     """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     more = unknown or [np.zeros_like(rest) for rest in left]
     rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
     return Residual(_rms_of(rests), _peaks(bench, rests), _rms_of(held))
@@ -315,50 +290,26 @@ def _peaks(bench: TableSet, rests: Sequence[Array]) -> float:
     return max(spans)
 
 
-def left_out(fit: Fit) -> list[Array]:
+def left_out(state: Linear) -> list[Array]:
     """Residual of each condition with sizes from the others: every third load is left out in its turn."""
-    return _foretold(Linear(fit))
+    return [rest * sigma for rest, sigma in zip(state.left_out, state.bench.sigmas, strict=True)]
 
 
-def _left_by_laws(final: Fit, causes: Fit, laws: Linear) -> list[Array]:
+def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
     """Residual of each condition with the sizes of causes and laws from the others.
 
     What a cause without some loads foretells otherwise moves the laws of these loads no less: both are added up.
     """
-    own = zip(_foretold(laws), left_out(causes), causes.residual, strict=True)
+    own = zip(left_out(laws), left_out(Linear(causes)), causes.residual, strict=True)
     return [left + (cause - rest) for left, cause, rest in own]
-
-
-def _foretold(state: Linear) -> list[Array]:
-    bench = state.bench
-    ends = np.cumsum([0, *(2 * case.orders.size for case in bench.cases)])
-    of = np.repeat(state.folds, np.diff(ends))
-    result: list[Array] = [np.zeros(0)] * len(bench.cases)
-    for fold in np.unique(state.folds):
-        rest = state.left(state.step(of != fold)) * np.concatenate(bench.sigmas)
-        for n in np.flatnonzero(state.folds == fold).tolist():
-            result[n] = rest[ends[n] : ends[n + 1]]
-    return result
 
 
 def _reach(fit: Fit, variance: float) -> float:
     """Half width of an interval; what is left counts as noise of its size already."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     free = int(fit.free.sum())
     spare = max(float(bench.values[1].sum()) - free, 4.0)
     return math.sqrt(variance) * student((1 - bench.policy.confidence) / 2, spare)
-
-
-def _estimates(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
-    """Sizes with their intervals, and what is said of those that no workshop makes."""
-    estimates, notes = [], []
-    for parameter, value, half in zip(source(effect.key).parameters, effect.values, halves, strict=True):
-        low = max(value - half, parameter.least)
-        estimates.append(Estimate(parameter.name, parameter.dimension, value, low, value + half))
-        if abs(value) > parameter.plausible:
-            notes.append(f"{parameter.name}: larger than a workshop makes; the cause may be another of the same order")
-    return tuple(estimates), notes
 
 
 def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str, after: Residual) -> Addition:
@@ -367,7 +318,7 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
     own = range(first, first + len(effect.values))
-    estimates, notes = _estimates(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
+    estimates, notes = estimated(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
     order, share, odds = chance(few, number)
     notes.append(
         f"takes {100 * share:.0f} % of what is left of order {order:g} without it; as many sizes that mean nothing do "
@@ -388,7 +339,7 @@ def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     more = max(1.0, float(laws.squares[at]) / numbers)
     size = student((1 - laws.bench.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
     halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
-    estimates, _ = _estimates(effect, halves)
+    estimates, _ = estimated(effect, halves)
     orders = source(effect.key).orders(laws.bench.unit, effect.indices)
     notes = ("describes an order and explains nothing: no part is behind it",)
     return Addition(effect, estimates, (), orders, after.heldout_rms, notes)
@@ -405,22 +356,20 @@ def _parts(fit: Fit) -> list[list[Array]]:
 
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
-    power = bench.numbers.by_order(part**2 for part in _parts(fit)[number])
+    bench = conditions_of(fit)
+    power = bench.by_order(part**2 for part in _parts(fit)[number])
     return leading(bench.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     laws = _parts(fit)[named:]
     rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
-    squares = bench.numbers.by_order((rest / s) ** 2 for rest, s in zip(rests, bench.sigmas, strict=True))
+    squares = bench.by_order((rest / s) ** 2 for rest, s in zip(rests, bench.sigmas, strict=True))
     cases = bench.values[0] / 2
-    size = np.sqrt(bench.numbers.by_order(rest**2 for rest in rests) / cases)
-    deviation = np.sqrt(bench.numbers.by_order(sigma**2 for sigma in bench.sigmas) / 2) / cases  # of a mean of all
+    size = np.sqrt(bench.by_order(rest**2 for rest in rests) / cases)
+    deviation = np.sqrt(bench.by_order(sigma**2 for sigma in bench.sigmas) / 2) / cases  # of a mean of all
     result = []
     for n in np.flatnonzero((squares > bench.most_of_noise) & (size > bench.policy.least_line)).tolist():
         order, mean = float(bench.orders[n]), float(size[n])
@@ -442,12 +391,11 @@ def _kind(entry: Source) -> str:
 
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
-    bench = fit.bench
-    assert isinstance(bench, TableSet)
+    bench = conditions_of(fit)
     measured = [sight.measured for sight in bench.sights]
 
     def along(parts: Sequence[Array]) -> Array:
-        return bench.numbers.by_order(one * part for one, part in zip(measured, parts, strict=True))
+        return bench.by_order(one * part for one, part in zip(measured, parts, strict=True))
 
     total, cases = along(measured), bench.values[0] / 2
     kinds = ("parts", "compliance", "measuring_chain", "empirical")
@@ -475,7 +423,7 @@ def left_of_table(model: Model, table: OrderTable) -> tuple[float, Array, Array]
     """
     assert isinstance(model.mechanism, Reducer)
     white = [np.ones(2 * case.orders.size) for case in table.cases]
-    bench = table_set(model.mechanism, table.cases, white, POLICY, anywhere=False)
+    bench = table_set(model.mechanism, table.cases, white, policy=POLICY, anywhere=False)
     rests = evaluated(bench, model, model).residual
-    power = bench.numbers.by_order(0.5 * rest**2 for rest in rests) / len(rests)
+    power = bench.by_order(0.5 * rest**2 for rest in rests) / len(rests)
     return _rms_of(rests), bench.orders, np.sqrt(power)

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.score import identity, named
+from rverror.diagnosis.gears.score import identity
 from rverror.diagnosis.gears.sight import EverySample, Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
 from rverror.diagnosis.policy import Policy
-from rverror.diagnosis.samples.records import LOST, DriveRecord
+from rverror.diagnosis.samples.records import DriveRecord
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Indices
@@ -30,9 +29,7 @@ from rverror.runs.spectrum import highest_order
 from rverror.statics.loaded_state import SOFTENING
 
 _POINTS = 8  # of a waveform of nothing
-_ERROR, _OFFSET, _SLOW = "error", "offset", "slow"  # rows of a compressed run that no source makes
 _APART = 1e-5  # of a row beside others: what keeps less is one of them, so that no size is enormous
-_IN_SPAN = 1e-10  # share of a row beyond what is there that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,91 +48,6 @@ class DriveSight(EverySample):
         return np.zeros((len(rows), self.width))
 
 
-class Coordinates:
-    """Rows of a run, whitened, as sums of an orthonormal basis that grows with them (QR).
-
-    A fit of rows to a run of any length is one to as many numbers as there are rows, and exact.
-
-    Parameters
-    ----------
-    record : DriveRecord
-        With its noise; its lines and what settles play no part.
-    """
-
-    def __init__(self, record: DriveRecord) -> None:
-        """No row is known yet."""
-        self.record, self.white = record, record.beside(np.zeros((0, record.theta.size)))
-        self.basis = np.zeros((0, self.white.usable.size))
-        self._known: dict[object, Array] = {}
-
-    def of(self, name: object, make: Callable[[], Array]) -> Array:
-        """Coordinates of rows, made and whitened once, shape (k, number of the basis then)."""
-        if name not in self._known:
-            white = self.white(make())
-            inside = white @ self.basis.T
-            rest = white - inside @ self.basis
-            more = rest @ self.basis.T  # rounding of the first step
-            left, size, beyond = np.linalg.svd(rest - more @ self.basis, full_matrices=False)
-            new = size > _IN_SPAN * max(float(np.linalg.norm(white, axis=1).max(initial=0.0)), 1e-300)
-            self.basis = np.concatenate([self.basis, beyond[new]])
-            self._known[name] = np.concatenate([inside + more, left[:, new] * size[new]], axis=1)
-        return self._known[name]
-
-
-@dataclass(frozen=True, eq=False)
-class CompressedSight(DriveSight):
-    """A run by the `Coordinates` of its rows, all of which were made before.
-
-    Attributes
-    ----------
-    coordinates : Coordinates
-    count : int
-        Of them.
-    """
-
-    coordinates: Coordinates
-    count: int
-
-    @property
-    def width(self) -> int:
-        """Number of coordinates."""
-        return self.count
-
-    @cached_property
-    def measured(self) -> Array:
-        """The error."""
-        return np.asarray(self._of(_ERROR)[0])
-
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
-        """Rows of a source."""
-        return self._of(identity(named))
-
-    def whiten(self, rows: Array) -> Array:
-        """Rows less what offset, lines and what settles make of them."""
-        return np.asarray(rows - (rows @ self._taken) @ self._taken.T)
-
-    @property
-    def freedom(self) -> int:
-        """Independent values."""
-        return self.coordinates.white.freedom
-
-    @cached_property
-    def _taken(self) -> Array:
-        """Orthonormal columns that offset, lines and what settles span."""
-        parts = [_OFFSET, *self.record.orders, *([_SLOW] if self.record.slow else [])]
-        rows = np.concatenate([self._of(name) for name in parts])
-        columns, size, _ = np.linalg.svd((rows / np.linalg.norm(rows, axis=1)[:, None]).T, full_matrices=False)
-        return np.asarray(columns[:, size > _IN_SPAN * size[0]])
-
-    def _of(self, name: object) -> Array:
-        rows = self.coordinates.of(name, _not_made)
-        return np.pad(rows, ((0, 0), (0, self.count - rows.shape[1])))
-
-
-def _not_made() -> Array:
-    raise AssertionError("rows of a compressed run are made with its sight")
-
-
 @dataclass(frozen=True, eq=False)
 class DriveSet(RunSet):
     """All runs of a drive.
@@ -144,17 +56,11 @@ class DriveSet(RunSet):
     ----------
     candidates : tuple of Named
         All that may be missing.
-    sources : tuple of Named
-        These, and all that is declared.
-    compressed : bool
-        Whether the runs are looked at through the `Coordinates` of their rows.
     made : dict
         What was made of angles and recorded errors alone, whatever the noise: rows of sources, sizes before the fit.
     """
 
     candidates: tuple[Named, ...] = ()
-    sources: tuple[Named, ...] = ()
-    compressed: bool = False
     made: dict[object, Any] = field(default_factory=dict, repr=False)
     linear: ClassVar[bool] = True
 
@@ -204,7 +110,7 @@ class DriveSet(RunSet):
         """
         name = identity((key, indices))
         if name not in self.made:
-            rows = self.every_sample.influences(Model(self.unit), (), [(key, indices)])
+            rows = self.influences(Model(self.unit), (), [(key, indices)])
             swings = source(key).periodic
             there = sum(float(np.sum(_beside(r, swings=swings) ** 2)) for r in self.records)
             made = sum(np.sum((row - row.mean(axis=1, keepdims=True)) ** 2, axis=1) for row in rows)
@@ -226,15 +132,6 @@ class DriveSet(RunSet):
                 self.policy.false_alarm, len(rows)
             ):
                 continue
-            if name == LOST:
-                value, half = float(sizes[at][0]), self.half_width(float(covariance[at, at][0, 0]))
-                told, low, high = (v / ARCSEC for v in (value, value - half, value + half))
-                notes.append(
-                    f"{record.name}: the output leads by {told:.4g} arcsec more, {100 * self.policy.confidence:g} % "
-                    f"[{low:.4g}, {high:.4g}], in forward than in reverse motion: lost motion or friction, a constant "
-                    "for each direction; no key of the catalogue, so it is taken off and not added to the model"
-                )
-                continue
             size, unit = record.in_units(float(np.ptp(sizes[at] @ rows)))
             notes.append(
                 f"{record.name}: {name}, {size:.4g} {unit} peak-to-peak, is significant; it is taken off and not named"
@@ -244,27 +141,7 @@ class DriveSet(RunSet):
     @cached_property
     def sights(self) -> tuple[Sight, ...]:
         """How each record is looked at."""
-        return tuple(self._compressed(r) if self.compressed else DriveSight(r) for r in self.records)
-
-    @cached_property
-    def every_sample(self) -> DriveSet:
-        """The same, sample by sample."""
-        return replace(self, compressed=False) if self.compressed else self
-
-    def _compressed(self, record: Record) -> CompressedSight:
-        assert isinstance(record, DriveRecord)
-        name = id(record.theta), id(record.noise)
-        if name not in self.made:  # which keeps the noise, and so its identity
-            self.made[name] = Coordinates(record)
-        known, plain, model = cast("Coordinates", self.made[name]), DriveSight(record), Model(self.unit)
-        known.of(_ERROR, lambda: record.error[None])
-        known.of(_OFFSET, lambda: np.ones((1, record.theta.size)))
-        known.of(_SLOW, lambda: record.settling)
-        for one in self.sources:
-            known.of(identity(one), partial(plain.beyond, self, model, one, None, 0.0))
-        for order in record.orders:
-            known.of(order, partial(record.wave, order))
-        return CompressedSight(record, known, len(known.basis))
+        return tuple(DriveSight(record) for record in self.records)
 
 
 def _beside(record: Record, *, swings: bool) -> Array:
@@ -295,8 +172,6 @@ def drive_set(model: Model, records: Sequence[DriveRecord], policy: Policy, cand
     candidates : sequence of Named
     """
     turn: AngleGrid = whole(0.0, 2 * math.pi, _POINTS)
-    missing = {identity(name): name for name in candidates}
-    declared = {named(e): (e.key, e.indices) for e in model.effects}
     return DriveSet(
         unit=model.mechanism,
         records=tuple(records),
@@ -305,7 +180,6 @@ def drive_set(model: Model, records: Sequence[DriveRecord], policy: Policy, cand
         policy=policy,
         soft=np.zeros(len(SOFTENING), dtype=np.bool_),
         candidates=tuple(candidates),
-        sources=tuple((missing | declared).values()),
     )
 
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
-from rverror.base import units
-from rverror.base.arrays import Array
-from rverror.base.text import describe
 from rverror.base.threads import each
-from rverror.diagnosis.gears.account import account, residual
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, onto, renoised, under
+from rverror.diagnosis.gears.account import account
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, renoised, under
 from rverror.diagnosis.gears.moves import with_offer
 from rverror.diagnosis.gears.ranking import Offer, columns_of, singles
 from rverror.diagnosis.gears.reducers import renewed
@@ -25,20 +23,20 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Addition, Diagnosis, Progress, Residual
+from rverror.diagnosis.result import Addition, Diagnosis, Progress, Trace
 from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
-from rverror.diagnosis.samples.records import DriveRecord, records_of_drive
+from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
+
+T = TypeVar("T")
 
 #: Independent values of what is not explained yet: as many as there are, so that squares count as they are.  What is
 #: left of a drive moves nothing that a declared size does not make.
 _ANY = 1e9
 _NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
-_FELL = "not significant under the noise of the runs"
-_NOT_TOLD = "the runs cannot tell it from what was tried"
 _FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
 
 
@@ -86,104 +84,57 @@ def diagnose_drive(
     turns = max(record.turns for record in records)
     search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
     last, best, _ = renewed(search, stilled)
-    assert isinstance(last, DriveSearch)
-    search = last
     for name in candidates:
         if identity(name) not in {named(e) for e in best.fit.added}:
-            tried = any(identity(name) == identity(other) for other in search.candidates)
-            journal.note("fell", name, _FELL if tried else _NOT_TOLD)
+            journal.note("fell", name, "not significant under the noise of the runs, or no more than what was tried")
+    if len({sense for record in records for sense in record.senses}) == 1:
+        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
     journal.tell("searching the residual for lines of any order")
     # what is left of a drive changes nothing of what a cause makes, so all that was found is told
-    found = account(declared, declared, runs, search, search.root, best, True, [*notes, *_told(best.fit)])
-    found = replace(found, tried=len(candidates), added=_in_order(search, best, found.added))
+    found = account(declared, declared, runs, last, last.root, best, True, notes)
+    found = replace(found, tried=len(candidates), added=_in_order(best, found.added))
     return _as_torque(found, model, records[0].unit) if torque else found
 
 
-def _in_order(search: DriveSearch, best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
+def _in_order(best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
     """Errors that grow along a run first, since without them no other figure means much; then the largest first."""
-    first, sizes = sum(len(e.values) for e in best.fit.declared.effects), []
-    for number, one in enumerate(added):
-        at = slice(first, first + len(one.effect.values))
-        first = at.stop
-        made = np.concatenate([np.array(one.effect.values) @ raw[at] for raw in best.fit.raw])
-        sizes.append((source(one.effect.key).periodic, -float(made @ made), number))
-    order, found = [number for *_, number in sorted(sizes)], []
-    declared = best.fit.model.effects[: len(best.fit.declared.effects)]
-    for place, number in enumerate(order):
-        effects = (*declared, *(added[n].effect for n in order[: place + 1]))
-        fit = fitted(evaluated(best.fit.bench, replace(best.fit.model, effects=effects), best.fit.declared))
-        one = replace(added[number], heldout_rms=residual(fit).heldout_rms)
-        found.append(_with_rivals(search, best, number, one))
-    return tuple(found)
-
-
-def _with_rivals(search: DriveSearch, best: Hypothesis, number: int, one: Addition) -> Addition:
-    """What was added, with a note of each rival that would have to be larger than a workshop makes it."""
-    notes = []
-    for (key, indices), sizes in search.in_place(best, number):
-        parameters = source(key).parameters
-        if any(abs(size) > p.plausible for p, size in zip(parameters, sizes, strict=True)):
-            size, dimension = float(np.linalg.norm(sizes)), parameters[0].dimension
-            notes.append(
-                f"in its place {describe(key, indices)} would have to be {units.to_display(size, dimension):.4g} "
-                f"{units.DISPLAY_UNITS[dimension]}, larger than a workshop makes"
-            )
-    return replace(one, notes=(*one.notes, *notes))
-
-
-def _told(fit: Fit) -> list[str]:
-    """What the noise is like, and what the runs lack."""
-    notes = []
-    for record in fit.bench.records:
-        assert isinstance(record, DriveRecord)
-        assert record.noise is not None
-        lags = record.noise.coefficients.size
-        colour = f"coloured: each sample depends on the {lags} before" if lags else "white"
-        if record.noise.step:
-            step, unit = record.in_units(record.noise.step)
-            colour += f", beside a random walk of {step:.2g} {unit} a sample"
-        notes.append(f"{record.name}: noise is {colour}")
-    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
-        notes.append("runs in one direction only: lost motion does not show; add a reverse run")
-    return notes
+    first, found = sum(len(e.values) for e in best.fit.declared.effects), []
+    for one in added:
+        last = first + len(one.effect.values)
+        made = np.concatenate([np.array(one.effect.values) @ raw[first:last] for raw in best.fit.raw])
+        found.append((source(one.effect.key).periodic, -float(made @ made), one))
+        first = last
+    return tuple(one for *_, one in sorted(found, key=lambda row: row[:2]))
 
 
 def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
     """A result in N*mm, of which nothing enters the model."""
 
-    def sized(one: Residual) -> Residual:
-        return Residual(unit * one.rms, unit * one.peak_to_peak, unit * one.heldout_rms)
+    def scaled(one: T, *names: str) -> T:
+        return replace(one, **{name: unit * getattr(one, name) for name in names})  # type: ignore[type-var]
 
     def added(one: Addition) -> Addition:
-        estimates = [
-            replace(e, dimension="torque", value=unit * e.value, low=unit * e.low, high=unit * e.high)
-            for e in one.estimates
-        ]
+        estimates = [replace(scaled(e, "value", "low", "high"), dimension="torque") for e in one.estimates]
         effect = replace(one.effect, values=tuple(unit * v for v in one.effect.values))
-        return replace(one, effect=effect, estimates=tuple(estimates), heldout_rms=unit * one.heldout_rms, notes=())
+        return replace(scaled(one, "heldout_rms"), effect=effect, estimates=tuple(estimates), notes=())
 
-    lines = [
-        replace(x, **{name: unit * getattr(x, name) for name in ("amplitude", "low", "high", "cos", "sin")})
-        for x in found.unexplained
-    ]
-    traces = [
-        replace(
-            t, measured=unit * t.measured, before=unit * t.before, after=unit * t.after,
-            left_out=None if t.left_out is None else (unit * t.left_out[0], unit * t.left_out[1]),
-        )
-        for t in found.traces
-    ]  # fmt: skip
+    def trace(one: Trace) -> Trace:
+        left_out = None if one.left_out is None else (unit * one.left_out[0], unit * one.left_out[1])
+        return replace(scaled(one, "measured", "before", "after"), left_out=left_out)
+
+    before, refitted, after = (
+        scaled(one, "rms", "peak_to_peak", "heldout_rms") for one in (found.before, found.before_refitted, found.after)
+    )
     return replace(
-        found,
-        noise_rms=unit * found.noise_rms,
-        before=sized(found.before),
-        before_refitted=sized(found.before_refitted),
-        after=sized(found.after),
+        scaled(found, "noise_rms"),
+        before=before,
+        before_refitted=refitted,
+        after=after,
         added=tuple(map(added, found.added)),
-        unexplained=tuple(lines),
+        unexplained=tuple(scaled(line, "amplitude", "low", "high", "cos", "sin") for line in found.unexplained),
         model=model,
         declared=model,
-        traces=tuple(traces),
+        traces=tuple(map(trace, found.traces)),
         quantity="torque",
     )
 
@@ -217,8 +168,8 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     """
     now, fit = best, fitted(renoised(seen, calm=True))
     while now.names:
-        parts = search.parts(replace(now, fit=compressed(now.fit)))
-        fits = each(lambda part: fitted(renoised(sampled(part).fit, calm=True)), parts)
+        parts = search.parts(now)
+        fits = each(lambda part: fitted(renoised(part.whole.fit, calm=True)), parts)
         gains = [
             other.deviance - fit.deviance - search.score.by_chance(now, part)
             for part, other in zip(parts, fits, strict=True)
@@ -230,33 +181,10 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     return under(seen, fit)
 
 
-def sampled(one: Hypothesis) -> Hypothesis:
-    """A set, sample by sample."""
-    assert isinstance(one.fit.bench, DriveSet)
-    return replace(one, fit=onto(one.fit.bench.every_sample, one.fit))
-
-
-def compressed(fit: Fit) -> Fit:
-    """A fit to as many numbers as there are rows."""
-    assert isinstance(fit.bench, DriveSet)
-    return onto(replace(fit.bench, compressed=True), fit)
-
-
 class DriveSearch(Search):
     """A search among causes that are linear in their sizes: a linear step is the fit, and there is one minimum."""
 
     widest, rounds = 1, 10**6
-
-    def __init__(
-        self, root: Fit, candidates: Sequence[Named], policy: Policy, journal: Journal, offsets: Sequence[float] = ()
-    ) -> None:
-        """Begin with what is declared."""
-        super().__init__(compressed(root), candidates, policy, journal, offsets)
-
-    def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
-        """Search from what is declared and from other sets, which are looked at sample by sample, as is the best."""
-        best, done = super().best(*(replace(one, fit=compressed(one.fit)) for one in also), swap=swap)
-        return sampled(best), done
 
     def expand_beam(self) -> bool:
         """Expand the leading set alone, by all that it offers."""
@@ -285,7 +213,7 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = list[Hypothesis](), one.fit.bench.records, sampled(one)
+        found, records, whole = list[Hypothesis](), one.fit.bench.records, one.whole
         if self._settles(whole):
             found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
         room = MOST_LINES - len(one.lines)
@@ -303,15 +231,11 @@ class DriveSearch(Search):
         return []
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        """Candidates that fit as well in the place of a cause."""
-        return tuple(name for name, _ in self.in_place(one, number))
-
-    def in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
-        """Candidates that fit as well in the place of a cause, and with what sizes, however large."""
+        """Candidates that fit as well in the place of a cause, however large."""
         return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
 
-    def _in_place(self, one: Hypothesis, number: int) -> list[tuple[Named, Array]]:
-        fit = compressed(one.fit)
+    def _in_place(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
+        fit = one.whole.fit
         rest, cause = lifted(fit, number), fit.added[number]
         bench, added = fit.bench, {named(e) for e in fit.added}
         assert isinstance(bench, DriveSet)
@@ -328,7 +252,6 @@ class DriveSearch(Search):
             beyond = np.sum((block - (block @ basis) @ basis.T) ** 2, axis=1)
             if (beyond < _NOTHING * np.sum(block**2, axis=1)).all():
                 continue
-            squares, sizes = taken_off(white[0], np.concatenate([block, there]))
-            if squares > least:
-                found.append((name, sizes[: len(block)]))
-        return found
+            if taken_off(white[0], np.concatenate([block, there]))[0] > least:
+                found.append(name)
+        return tuple(found)

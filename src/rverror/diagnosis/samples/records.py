@@ -53,16 +53,11 @@ class DriveRecord(Record):
 
     @cached_property
     def whiten(self) -> Whitening:
-        """Whitening under its noise."""
-        return self.beside(self.nuisance)
-
-    def beside(self, nuisance: Array) -> Whitening:
-        """Whitening beside rows of any size; of the two samples beside a reversal no one knows on which side of it they
-        are."""
+        """Whitening under its noise; of the two samples beside a reversal no one knows on which side of it they are."""
         assert self.noise is not None
         turned, kept = np.flatnonzero(np.diff(self.direction)), self.kept.copy()
         kept[turned] = kept[turned + 1] = False
-        return Whitening(self.noise, kept, self.starts, nuisance)
+        return Whitening(self.noise, kept, self.starts, self.nuisance)
 
     def in_units(self, size: float) -> tuple[float, str]:
         """A size of the error as people read it, and its unit."""

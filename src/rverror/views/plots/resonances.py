@@ -48,7 +48,7 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
         ax.axvline(one.frequency, color=style.GREY, lw=1.2)
         for order in one.orders:
             series = max((s for s in one.series if s.order == order), key=lambda s: (s.torque or 0.0, s.direction))
-            frequency, size = law_of(series)
+            frequency, size = law_of(one, series)
             look = style.line_style(number)
             ax.plot(frequency, in_shown_unit(size, "angle"), lw=1.2, **look)
             load = "" if series.torque is None else f", {with_unit(series.torque, 'torque')}"
