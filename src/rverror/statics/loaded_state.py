@@ -407,7 +407,8 @@ class Statics:
     def _read(self, parts: list[Equilibrium], effects: tuple[Effect, ...]) -> Equilibrium:
         """States of all stretches as one, as they are read."""
         state = _joined(parts)
-        read = self.motion if self.read_at is None else self.motion.at(self.read_at)
+        # what acts beyond the contacts keeps to the bench's zero, with all that stands there
+        read = self.motion if self.read_at is None else motion(self.reducer, self.motion.at(self.read_at))
         turned = state.transmission_error + added(effects, read)
         return replace(state, transmission_error=turned, theta=read.theta)
 
