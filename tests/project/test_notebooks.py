@@ -616,9 +616,8 @@ def table_to_names(p: Played, says: Prose) -> None:
     says("10.1016/j.rcim.2024.102838")
     assert "2025, 10.1016/j.rcim.2024.102838" in page
     assert rverror.load_model(EXAMPLES / "rv-81" / "model.toml").mechanism.ratio == 81
-    says(
-        "Measured waves of 5.5 arcsec rms, order 1 aside, become 2.55 with the causes and 0.68 with the laws beside them"
-    )
+    says("Measured waves of 5.5 arcsec rms, order 1 aside, become 2.55 with the causes")
+    says("and 0.68 with the laws beside them")
     for row in (
         "| measured | 5.5 |",
         "alone, fitted on all 38 conditions | 2.55 |",
