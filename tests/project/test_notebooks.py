@@ -625,9 +625,9 @@ def table_to_names(p: Played, says: Prose) -> None:
     ):
         assert row in page
     says("Order 1, 61.4 arcsec, is one cause with two numbers.")
-    says("Of the power of the other orders causes make 79 % and laws 20 %")
+    says("Of the power of the other orders causes make 78 % and laws 20 %")
     assert "61.4 arcsec, one cause with two numbers. Of the power of orders" in page
-    assert "above 1, 79 % is due to claims, 20 % to laws" in page
+    assert "above 1, 78 % is due to claims, 20 % to laws" in page
 
 
 def lot(p: Played, says: Prose) -> None:
