@@ -61,6 +61,7 @@ class Errors:
     def __init__(self, unit: Any, cases: int) -> None:
         z, discs, cranks = unit.pins, unit.discs, unit.cranks
         self.pin_centre = np.zeros((cases, z), complex)  # housing
+        self.pins_at_disc = np.zeros((cases, discs), complex)  # shift of all pins where they meet a disc, housing
         self.pin_radius = np.zeros((cases, z))
         self.profile = np.zeros(
             (cases, discs, WAVES), complex
@@ -124,6 +125,9 @@ def put(errors: Errors, unit: Any, case: int, term: tuple[str, dict[str, Any], s
             axis, wave = name.split("_")
             along = np.exp(1j * gamma) * {"radial": 1, "tangential": 1j}[axis]
             errors.pin_centre[case] += size * along * {"cos": np.cos, "sin": np.sin}[wave](h * gamma)
+        case "cycloid.pin_circle_tilt":  # about the middle of the discs, which stand evenly along the axis
+            middle = (unit.discs - 1) / 2
+            errors.pins_at_disc[case] += vector * (middle - np.arange(unit.discs)) / middle
         case "cycloid.pin_radius":
             errors.pin_radius[case, slice(None) if pin == "all" else pin] += size
         case "cycloid.profile_modification" if name == "equidistant":
@@ -234,6 +238,7 @@ class Oracle:
         centre = unit.eccentricity * np.exp(1j * eccentric) + u[..., at] + 1j * u[..., at + 1]
         turn = (self.theta + u[..., at + 2])[..., None]
         pin = unit.pin_circle_radius * np.exp(1j * gamma) + errors.pin_centre[:, None]
+        pin = pin + errors.pins_at_disc[:, disc, None, None]
         arm = pin - centre[..., None]
         seen = arm * np.exp(-1j * turn)  # the pin's centre in the disc's frame
 

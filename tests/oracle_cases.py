@@ -33,6 +33,7 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     ("cycloid.pin_circle", {"harmonic": 0}),
     ("cycloid.pin_circle", {"harmonic": 1}),
     ("cycloid.pin_circle", {"harmonic": 2}),
+    ("cycloid.pin_circle_tilt", {}),
     ("cycloid.pin_radius", {"pin": 11}),
     ("cycloid.pin_radius", {"pin": "all"}),
     ("cycloid.profile_modification", {}),

@@ -279,6 +279,8 @@ def mirrored(unit: Reducer, key: str, indices: dict[str, Any]) -> tuple[dict[str
             flips = (name == "cos") == turning
         elif key == "cycloid.pin_circle":
             flips = name in ("radial_sin", "tangential_cos")
+        elif key == "sensor.output_tilt":  # across the head, where a reading of its motion is an angle
+            flips = name == "x"
         signs.append(-1.0 if flips else 1.0)
     return moved, np.array(signs)
 
@@ -294,6 +296,8 @@ def test_mirror_turns_forward_into_reverse(unit: Reducer, theta: Array, directio
     for key, indices in acting(unit):
         if key == "sensor.time_offset":
             continue
+        if key == "cycloid.pin_circle_tilt" and unit.discs > 2:
+            continue  # the mirror changes the order of the discs along the axis
         moved, signs = mirrored(unit, key, indices)
         matrix = source_matrix(motion, forces, key, indices)
         other = source_matrix(image, image_forces, key, moved)

@@ -45,6 +45,7 @@ NAMES = {
     "cycloid.disc_lobe": ("disc lobe", "deviation"),
     "cycloid.lobe_profile": ("disc harmonic", "cos sin"),
     "cycloid.pin_position": ("pin", "radial tangential"),
+    "cycloid.pin_circle_tilt": ("", "x y"),
     "cycloid.pin_circle": ("harmonic", "radial_cos radial_sin tangential_cos tangential_sin"),
     "cycloid.pin_radius": ("pin", "deviation"),
     "cycloid.pin_compliance": ("pin", "compliance"),

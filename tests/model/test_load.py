@@ -65,7 +65,11 @@ def test_the_tilt_of_the_output_is_mirrored_in_the_eccentric_direction() -> None
         waves.append(np.mean((rows[0] + 1j * rows[1]) * np.exp(39j * theta)))  # what turns with the eccentric
     forward, reverse = waves
     assert abs(forward) == pytest.approx(1.0, abs=0.01)  # all of it, but for the ripple of the pins
-    assert np.angle(-forward) == pytest.approx(-np.angle(reverse), abs=1e-3)
+    assert np.angle(forward) == pytest.approx(-np.angle(reverse), abs=1e-3)
+    # inwards by a tangent of (1/K - (1 - K^2)/(2 K^2) ln((1 + K)/(1 - K)))/(pi/2), against the load across
+    k = unit.eccentricity * unit.pins / unit.pin_circle_radius
+    inwards = math.atan((1 / k - (1 - k**2) / (2 * k**2) * math.log((1 + k) / (1 - k))) / (math.pi / 2))
+    assert abs(np.angle(forward)) == pytest.approx(math.pi / 2 - inwards, abs=0.02)
 
 
 @pytest.mark.parametrize(("key", "order"), [("load.torsion_wave", 3), ("load.input_torsion_wave", 3 * 121)])

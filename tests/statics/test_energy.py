@@ -102,7 +102,8 @@ class Train:
         self.normal = np.where(along(self.pin, normal) < 0, normal, -normal)
         self.on_disc = to_pin + unit.pin_radius * self.normal
         psi = np.angle(self.on_disc) - lean[..., None]
-        pin = along(self.normal, errors.pin_centre[0]) + errors.pin_radius[0] + waves(errors.profile[0][:, None], psi)
+        centre = errors.pin_centre[0] + errors.pins_at_disc[0][:, None]
+        pin = along(self.normal, centre) + errors.pin_radius[0] + waves(errors.profile[0][:, None], psi)
         ahead = 1j * self.on_disc / abs(self.on_disc)
         pin = pin - waves(errors.flanks[0][:, None], psi) * along(self.normal, ahead)
 

@@ -221,3 +221,16 @@ def test_matrix_is_the_derivative(torque: float | None, pins: tuple[Effect, ...]
         slope = (sides[0] - sides[1]) / (2 * step)
         scale = max(abs(row).max(), 1e-5)
         np.testing.assert_allclose(slope, row, rtol=0, atol=1e-3 * scale, err_msg=f"parameter {at}")
+
+
+def test_what_acts_beyond_the_contacts_keeps_to_the_zero_of_the_bench() -> None:
+    """Marks that are ahead turn the gear train under it, in an equilibrium as in a prediction."""
+    theta = 2 * np.pi * np.arange(512) / 512
+    tilt, ahead = effect("sensor.output_tilt", x="6 arcsec/(kN*m)"), effect("sensor.index_offset", offset="20 deg")
+    model = rverror.Model(rverror.reducer("RV-40E"), (tilt, ahead))
+    predicted = predict(model, Conditions(theta, 1.0, 200e3)).transmission_error
+    solved = rverror.equilibrium(model, theta, torque="200 N*m", direction="forward").transmission_error
+    np.testing.assert_allclose(solved, predicted, rtol=0, atol=1e-9)
+    turned = rverror.equilibrium(replace(model, effects=(ahead,)), theta, torque="200 N*m", direction="forward")
+    read = rverror.influence(model.mechanism, theta, tilt.key, direction="forward", torque="200 N*m").matrix
+    np.testing.assert_allclose(solved - turned.transmission_error, tilt.values @ read, rtol=0, atol=1e-9)

@@ -453,6 +453,27 @@ def pin_circle(contacts: Contacts, *, harmonic: int) -> ErrorVector:
     return ErrorVector(contact="pin", vector=vector[:, None])
 
 
+def pin_circle_tilt(contacts: Contacts) -> ErrorVector:
+    """Tilt of the pin circle's axis against that of the output: a shift of the pins that differs from disc to disc.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ErrorVector
+        Terms x, y: shift at the first disc; at the last it is as far the other way, between them evenly spaced.
+
+    Notes
+    -----
+    A shift that all discs share turns no output, because the discs push the pins in opposite directions; a tilt, as of
+    the housing's seat or the main bearing, does so once a turn of the eccentric in the housing.  No source text has it.
+    """
+    along_axis = np.linspace(1.0, -1.0, contacts.reducer.discs) if contacts.reducer.discs > 1 else np.zeros(1)
+    return ErrorVector(contact="pin", vector=np.eye(2)[:, None, None, :, None] * along_axis[:, None, None, None])
+
+
 def pin_radius(contacts: Contacts, *, pin: int | str) -> ErrorVector:
     """Deviation of the radius of one pin, or of all of them.
 
@@ -576,6 +597,11 @@ def _one_pin_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     return (unit.discs * fundamental_orders(unit)["housing"],)
 
 
+def _tilt_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """One disc has no other to be tilted against."""
+    return (fundamental_orders(rv(mechanism))["housing"],) if rv(mechanism).discs > 1 else ()
+
+
 def _mesh_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """All pins pass all lobes alike."""
     return (fundamental_orders(rv(mechanism))["cycloid mesh"],)
@@ -630,6 +656,12 @@ SOURCES = (
             r"h\gamma_i)\, p_i^\perp$"
         ),
         hidden="evenly spaced discs cancel harmonics that are no multiple of their number",
+    ),
+    Source(
+        "cycloid.pin_circle_tilt", pin_circle_tilt, (), lengths(30, "x", "y"),
+        "housing", _tilt_orders, "none: geometry", "pin circle tilted against the output's axis",
+        tried=False, in_tables=True,
+        equation=r"$\delta = a_k\, (x, y)$, $a_k$ from 1 at the first disc evenly to -1 at the last",
     ),
     Source(
         PIN_RADIUS, pin_radius, (_PIN_OR_ALL,), lengths(30, "deviation"),

@@ -84,7 +84,7 @@ def encoder_distortion(pose: Pose, *, harmonic: int) -> ErrorVector:
 
 
 def output_tilt(pose: Pose) -> ErrorVector:
-    """Tilt of the output under the couple of the discs, read by one head: e . u times the torque, against the motion.
+    """Tilt of the output under the couple of the discs, read by one head: e . u times the size of the torque.
 
     Parameters
     ----------
@@ -106,15 +106,15 @@ def output_tilt(pose: Pose) -> ErrorVector:
     couple that turns as the cranks do, seen from the held part, once in -z_c/(z_p - z_c) of an output turn where that
     is the housing, and tilts the output in its main bearing.  One reading head takes the tilt towards it for an angle;
     two that stand opposite do not.  u is the direction of Q, from the rigid closed form.  Reversed torque mirrors Q in
-    the eccentric direction, so forward and reverse differ in phase by twice its angle from there.  No source text has
-    it.
+    the eccentric direction: what Q has along it is alike in both directions, what it has across it, most of it, is
+    opposite.  No source text has it.
     """
     if not isinstance(pose, Contacts):
         raise ValueError("sensor.output_tilt needs the pose of a reducer: it reads the force of the pins on a disc")
-    load = stated_load(pose, "sensor.output_tilt")
+    load = np.abs(stated_load(pose, "sensor.output_tilt"))
     push = (pin_forces(pose)[0] * pose.resisted).sum(axis=0)
     seen = dot(np.stack(radial_and_tangential(pose.turns[pose.reducer.held])), push)
-    return output_terms(*(-load * seen / np.hypot(*push)))
+    return output_terms(*(load * seen / np.hypot(*push)))
 
 
 def input_coupling(pose: Pose, *, harmonic: int) -> ErrorVector:
@@ -304,7 +304,7 @@ SOURCES = (
         tuple(Parameter(name, "compliance", 10 * ARCSEC / 1e6) for name in ("x", "y")),
         "housing", _eccentric_order, "measuring chain", "tilt of the output under the discs' couple, read by one head",
         acts="reading", needs=("torque",), tried=False, in_tables=True,
-        equation=r"$\delta = \mp T\, (e_x u_x + e_y u_y)$, $u$ the direction in which the pins push the first disc",
+        equation=r"$\delta = T\, (e_x u_x + e_y u_y)$, $u$ the direction in which the pins push the first disc",
     ),
     Source(
         "sensor.input_coupling", input_coupling, (harmonics(1, 2),), angles(7200, "cos", "sin"),

@@ -355,7 +355,8 @@ class Statics:
     def _read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
         """State as it is read."""
         state = found.equilibrium()
-        read = self.motion if self.read_at is None else self.motion.at(self.read_at)
+        # what acts beyond the contacts keeps to the bench's zero, with all that stands there
+        read = self.motion if self.read_at is None else motion(self.reducer, self.motion.at(self.read_at))
         turned = state.transmission_error + added(effects, read)
         return replace(state, transmission_error=turned, theta=read.theta)
 

@@ -376,13 +376,13 @@ def test_a_measured_reducer_s_order_1_is_one_cause_with_two_numbers(measured: rv
 
 
 def test_a_measured_reducer_is_foretold_at_another_temperature(measured: rverror.Diagnosis) -> None:
-    """The same unit repeats to 1.2 arcsec; half of the power of all orders but the first is claimed by causes."""
+    """The same unit repeats to 1.2 arcsec; most of the power of all orders but the first is claimed by causes."""
     table = rverror.load_run(recording("rv-81to1", "loads-100rpm-30degC.csv"))
     held = rverror.diagnosis.validated(measured, [table]).validation[0]
     assert np.hypot.reduce(held.after_by_order[1:]) < 1.5 * ARCSEC
     power = [(one.amplitude**2, one) for one in measured.shares if one.order > 1]
     named = sum(size * (one.parts + one.compliance + one.measuring_chain) for size, one in power)
-    assert named > 0.5 * sum(size for size, _ in power)
+    assert named > 0.7 * sum(size for size, _ in power)
     assert measured.verdict == "unexplained"
     sizes = [len(one.effect.values) for one in measured.added if not one.effect.key.startswith("empirical.")]
     assert sum(sizes) <= 25

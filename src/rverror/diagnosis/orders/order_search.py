@@ -117,6 +117,19 @@ class Linear:
         return np.split(values, np.cumsum([at.size for at in self.bench.places])[:-1])
 
     @cached_property
+    def measured(self) -> Array:
+        """Squares of what is measured of each order, shape (n,)."""
+        return self.beyond(())
+
+    def beyond(self, blocks: Sequence[Columns]) -> Array:
+        """Squares of what is measured of each order and no sizes of some blocks make, shape (n,)."""
+        measured = np.concatenate([s.whiten(s.measured) for s in self.bench.sights])
+        if blocks:
+            rows = np.concatenate([np.concatenate(block.rows, axis=1) for block in blocks])
+            measured = measured - rows.T @ np.linalg.lstsq(rows.T, measured, rcond=None)[0]
+        return self.bench.by_order(self._of_cases(measured**2))
+
+    @cached_property
     def left_out(self) -> list[Array]:
         """What is left of each condition with sizes from the others, in units of its noise.
 
@@ -288,11 +301,14 @@ def _takes(state: Linear, block: Columns, beyond: Flags) -> bool:
     Of what changes with the load alone where the block does nothing without one: a constant of another cause is no
     reason against it.
     """
+    measured = state.measured
     if "torque" in source(block.name[0]).needs:
-        state = replace(state, blocks=(*state.blocks, *_constants(state)))
+        constants = _constants(state)
+        state = replace(state, blocks=(*state.blocks, *constants))
+        measured = state.beyond(constants)
     before, after = state.squares, state.beside(block).squares
-    policy, bench = state.bench.policy, state.bench
-    much = before - after > policy.claim_counts * bench.by_order(s.whiten(s.measured) ** 2 for s in bench.sights)
+    policy = state.bench.policy
+    much = before - after > policy.claim_counts * measured
     return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
