@@ -153,7 +153,7 @@ def test_both_standards_and_a_curve_in_one_allocation(path, kind):
     laid = stack(UNIT, items, theta=2 * np.pi * np.arange(480) / 480)
 
     def size(widths):
-        budget = rverror.tolerances.closed_form.budget(laid, width=np.array(widths), draws=16)
+        budget = rverror.tolerances.closed_form.budget(laid, width=np.array(widths))
         return budget.worst.peak_to_peak if kind == "worst" else budget.rms
 
     limit = size([item.width for item in items]) * 0.9

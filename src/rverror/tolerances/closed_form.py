@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from rverror.tolerances.blocks import Block, WorstGroup
 from rverror.tolerances.stacking import Stack
 from rverror.tolerances.worst_pair import GroupWaves
 
-#: Draws for the mean peak-to-peak of each entry alone.
-DRAWS = 2048
-
 _CONSTANT = 1e-12  # of a waveform's size: below it is rounding
-_ROWS = 256  # units whose waveforms are held at a time
 
 
 @dataclass(frozen=True)
@@ -42,8 +38,6 @@ class Contribution:
     worst_peak_to_peak: float  #: largest peak-to-peak of the entry alone
     worst_part: float  #: its part of the worst case of all, `WorstCase.peak_to_peak`
     rss: float  #: root sum of squares of the largest peak-to-peaks of its groups alone
-    mean_peak_to_peak: float  #: expected peak-to-peak of the entry alone
-    mean_peak_to_peak_error: float  #: its standard error, not less than it is
     offset_deviation: float  #: standard deviation of the offset that it makes
     worst_offset: float  #: largest offset that it makes, to either side of its mean
     effect: str  #: ``"wave"``, ``"offset"`` where it moves the offset alone, ``"nothing"``
@@ -109,7 +103,7 @@ class Budget(Viewed):
         return math.sqrt(self.mean_square)
 
 
-def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed: int = 0) -> Budget:
+def budget(stack: Stack, *, width: Array | None = None) -> Budget:
     """Closed-form error budget of a stack.
 
     Parameters
@@ -117,9 +111,6 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     stack : Stack
     width : ndarray, shape (entries,), optional
         Widths in core units; those of the stack where left out.
-    draws : int, optional
-        Units drawn for the mean peak-to-peak of each entry alone, the only figure that is not closed.
-    seed : int, optional
 
     Returns
     -------
@@ -161,7 +152,6 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
         alone = GroupWaves(groups, deviation)
         farthest = GroupWaves(groups, deviation, shift).farthest() if shift.any() else alone.farthest()
         reach = 1 + abs(middle)  # of the farther limit from the mean
-        mean_pp, error = _mean_peak_to_peak(block, deviation[rows], draws=draws, seed=(seed, e))
         waves = bool(deviation[rows].any())
         entries.append(
             Contribution(
@@ -173,9 +163,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
                 share=float(mean_squares[e]) / total if total else 0.0,
                 worst_peak_to_peak=farthest[0],
                 worst_part=float(parts[e]),
-                rss=reach * math.sqrt(sum(p * p for p in alone.peak_to_peaks())),
-                mean_peak_to_peak=mean_pp,
-                mean_peak_to_peak_error=error,
+                rss=reach * float(np.linalg.norm(alone.peak_to_peaks())),
                 offset_deviation=math.sqrt(offsets[e]),
                 worst_offset=float(GroupWaves(groups, offset[:, None]).size()[0])
                 + abs(middle * float(offset[rows].sum())),
@@ -222,18 +210,6 @@ def _shared(stack: Stack, scaled: Array) -> Array:
     if stack.dependence is not None:
         np.add.at(added, stack.entry, scaled * (stack.dependence.between @ scaled))
     return added
-
-
-def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[int, int]) -> tuple[float, float]:
-    """Mean peak-to-peak of an entry alone and its standard error, from draws that are stratified in each variate."""
-    block = replace(block, joined=False)
-    rng = np.random.default_rng(seed)
-    columns = block.variates.stop - block.variates.start
-    strata = rng.permuted(np.tile(np.arange(draws), (columns, 1)), axis=1).T
-    drawn = block.standard((strata + rng.random((draws, columns))) / draws)
-    found = [np.ptp(part @ scaled, axis=1) for part in np.array_split(drawn, max(draws // _ROWS, 1))]
-    sizes = np.concatenate(found)
-    return float(sizes.mean()), float(sizes.std()) / math.sqrt(draws)
 
 
 # --- worst case -------------------------------------------------------------------------------------------------------

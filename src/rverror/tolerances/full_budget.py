@@ -133,7 +133,7 @@ def error_budget(
         torque = InCore(peak_torque(torque))
     laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, input_speed=input_speed)
     tell(f"closed form of {len(laid_out.components)} components")
-    closed = budget(laid_out, seed=seed)
+    closed = budget(laid_out)
     units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder, progress=progress)
     indices = None
     if index_count and any(entry.effect == "wave" for entry in closed.contributions):

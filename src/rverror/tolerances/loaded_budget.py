@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -48,17 +49,11 @@ class LoadedBudget(OneLine):
     worst_parts: tuple[float | None, ...]
 
 
-@dataclass(frozen=True)
-class _Turns:
-    """Turns of units as a function of their uniform variates."""
-
-    units: LoadedUnits
-
-    def __call__(self, points: Array) -> Array:
-        """Turns, shape (units, limits); the mean one of a unit without an equilibrium."""
-        found = self.units.solved(self.units.stack.standard(points), self.units.stack.width).turns
-        known = np.isfinite(found)
-        return np.where(known, found, np.mean(found, axis=0, where=known))
+def _turns(units: LoadedUnits, points: Array) -> Array:
+    """Turns of units by their variates, shape (units, limits); the mean one of a unit without an equilibrium."""
+    found = units.solved(units.stack.standard(points), units.stack.width).turns
+    known = np.isfinite(found)
+    return np.where(known, found, np.mean(found, axis=0, where=known))
 
 
 def loaded_budget(
@@ -114,7 +109,7 @@ def loaded_budget(
     indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)
     if points:
         indices = sobol_indices(
-            _Turns(units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
+            partial(_turns, units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
         )
     errors = [one.quantity == "transmission_error" for one in units.limits]
     worst = units.solved((closed.worst.peak_to_peak_values / stack.width[stack.entry])[None], stack.width).turns[0]

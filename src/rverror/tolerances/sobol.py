@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.tolerances.sampling import Sampler, Size, check_seed, check_share, computed, sampler, told, uniforms
+from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, told, uniforms
 from rverror.tolerances.stacking import Stack
 
 #: Points that indices are estimated from where no number is given.
@@ -66,17 +67,9 @@ class _Replicate:
         return values
 
 
-@dataclass(frozen=True)
-class _SizeOf:
-    """A size of a unit as a function of its uniform variates."""
-
-    sampler: Sampler
-    size: Size
-
-    def __call__(self, points: Array) -> Array:
-        """Sizes, shape (units,), rad."""
-        found: Array = getattr(self.sampler.sizes(points)[0], self.size)
-        return found
+def _peak_to_peaks(sampler: Sampler, points: Array) -> Array:
+    """Peak-to-peaks of units by their uniform variates, shape (units,), rad."""
+    return sampler.sizes(points).peak_to_peak
 
 
 def sobol_indices(
@@ -157,8 +150,8 @@ def _indices(values: Array, confidence: float) -> SobolIndices | None:
     return SobolIndices(*first, *total, variance=variance, points=values.shape[0] * values.shape[2])
 
 
-def stack_indices(stack: Stack, *, size: Size = "peak_to_peak", **settings: Any) -> SobolIndices:
-    """Indices of a size of the output error, one group for each tolerance entry, in their order.
+def stack_indices(stack: Stack, **settings: Any) -> SobolIndices:
+    """Indices of the peak-to-peak, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
     those of `sobol_indices`.  Entries that are correlated or matched with others are no independent
@@ -167,9 +160,9 @@ def stack_indices(stack: Stack, *, size: Size = "peak_to_peak", **settings: Any)
     Raises
     ------
     InputError
-        If the size does not vary, or a setting is unusable.
+        If it does not vary, or a setting is unusable.
     """
-    (found,) = sobol_indices(_SizeOf(sampler(stack), size), stack.variate_entry, **settings)
+    (found,) = sobol_indices(partial(_peak_to_peaks, sampler(stack)), stack.variate_entry, **settings)
     if found is None:
         raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
     return without_joined(found, stack)

@@ -69,8 +69,6 @@ _CONTRIBUTION = (
     Column("worst_peak_to_peak", ANGLE, "worst_peak_to_peak_alone_arcsec", "p-p alone, worst, arcsec"),
     Column("worst_part", ANGLE, "part_of_worst_case_arcsec", "part of worst case, arcsec"),
     Column("rss", ANGLE),
-    Column("mean_peak_to_peak", ANGLE, "mean_peak_to_peak_alone_arcsec", "p-p alone, mean, arcsec"),
-    Column("mean_peak_to_peak_error", ANGLE),
     Column("offset_deviation", ANGLE, "offset_deviation_arcsec"),
     Column("worst_offset", ANGLE, "worst_offset_arcsec"),
     Column("effect", key="effect"),
@@ -136,11 +134,8 @@ def _error_budget_table(result: ErrorBudget) -> Table:
 
 @table.register
 def _units_table(result: VirtualUnits) -> Table:
-    variables = {
-        **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
-        **arrays("", result, error_bound=ANGLE),
-    }
-    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk}
+    variables = arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE)
+    about = {"draws": result.draws, "seed": result.seed}
     return Table("VirtualUnits", "virtual_unit", variables, about)
 
 
