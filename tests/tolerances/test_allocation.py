@@ -586,11 +586,8 @@ CURVE = Reciprocal(1.0, 1.0)
         ({"kind": "best"}, "kind = 'best': must be 'yield' or 'worst'"),
         ({"level": 1.0}, "level = 1: must lie between 0 and 1"),
         ({"verify": 400}, "verify = 400: too few units"),
-        ({"costs": [CURVE]}, "choices: 1 given; give one for each of the 2 tolerances"),
         ({"costs": [CURVE, None]}, "t1: has no cost; give it one, or fixed = true"),
         ({"fixed": [True, True]}, "all tolerances are fixed"),
-        ({"bounds": [(0.0, 1.0), None]}, "t0: bounds 0 to 1; give a least width above 0"),
-        ({"bounds": [(2.0, 1.0), None]}, "t0: bounds 2 to 1"),
         (
             {"costs": [CURVE, Grades((1.0,), (1.0,), ("IT5",))], "bounds": [None, (2.0, 3.0)]},
             "t1: no grade has a width",

@@ -15,7 +15,7 @@ from rverror.base.units import ARCSEC
 from rverror.tolerances import loaded_units as angles
 from rverror.tolerances.allocation import allocate_at_load
 from rverror.tolerances.constraints import SampleQuantile
-from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
+from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
@@ -125,7 +125,7 @@ def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None
     model, tolerances = mixed()
     units = loaded_units(model, tolerances, EVERY_LIMIT[-1:])
     every = instances_of(units.stack)
-    turn = LoadedTurn(Turn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False))
+    turn = LoadedTurn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False)
     places = np.array([30, 3, 15])
     problem = turn.state(units.means, places).problem
     torque = np.abs(ARM(2 * np.pi * places / 48))

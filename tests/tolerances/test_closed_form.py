@@ -252,16 +252,14 @@ def test_the_worst_unit_is_within_its_tolerances_and_reaches_the_worst_case(
 ) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed, nominal=nominal)
     worst = budget(given_stack).worst
-    for values, size, reached in (
-        (worst.peak_to_peak_values, peak_to_peak, worst.peak_to_peak),
-        (worst.maximum_values, maximum, worst.maximum),
-    ):
-        assert size(given_stack.nominal + values @ given_stack.influence) == pytest.approx(reached, rel=1e-12)
-        for group in given_stack.worst_groups:
-            limit = group.radius * given_stack.width[given_stack.entry[group.components[0, 0]]]
-            for instance in values[group.components]:
-                assert np.hypot.reduce(instance) <= limit * (1 + 1e-12)
-                np.testing.assert_array_equal(instance, values[group.components][0])
+    values = worst.peak_to_peak_values
+    made_so = peak_to_peak(given_stack.nominal + values @ given_stack.influence)
+    assert made_so == pytest.approx(worst.peak_to_peak, rel=1e-12)
+    for group in given_stack.worst_groups:
+        limit = group.radius * given_stack.width[given_stack.entry[group.components[0, 0]]]
+        for instance in values[group.components]:
+            assert np.hypot.reduce(instance) <= limit * (1 + 1e-12)
+            np.testing.assert_array_equal(instance, values[group.components][0])
     high, low = worst.peak_to_peak_angles
     te = given_stack.nominal + worst.peak_to_peak_values @ given_stack.influence
     assert te[high] - te[low] == pytest.approx(worst.peak_to_peak, rel=1e-12)
@@ -404,8 +402,7 @@ def test_offsets_count_nowhere_else() -> None:
 @settings(max_examples=40, deadline=None)
 def test_everything_is_linear_in_the_widths(entries, n: int, seed: int, nominal: float, factor: float) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed)
-    one, scaled = budget(given_stack), budget(given_stack, width=factor * given_stack.width)
-    handed = budget(replace(given_stack, width=factor * given_stack.width))
+    one, scaled = budget(given_stack), budget(replace(given_stack, width=factor * given_stack.width))
     for read in (
         lambda b: b.worst.peak_to_peak,
         lambda b: b.worst.maximum,
@@ -415,7 +412,6 @@ def test_everything_is_linear_in_the_widths(entries, n: int, seed: int, nominal:
         lambda b: np.abs(b.worst.peak_to_peak_values).sum(),
     ):
         assert read(scaled) == pytest.approx(factor * read(one), rel=1e-9)
-        assert read(handed) == read(scaled)
     shares = [[c.share for c in b.contributions] for b in (one, scaled)]
     assert shares[0] == pytest.approx(shares[1])
 

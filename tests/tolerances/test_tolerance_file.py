@@ -17,7 +17,7 @@ from pages import ROOT
 from rverror.base.errors import InputError
 from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import tolerance
-from rverror.tolerances.distribution import Circle, Normal, Rayleigh, SampledAmplitude, Samples
+from rverror.tolerances.distribution import Circle, Normal, Rayleigh, Samples
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
@@ -110,26 +110,6 @@ def test_a_file_with_everything(written) -> None:  # type: ignore[no-untyped-def
     assert isinstance(index.distribution, Samples)
     arcsec = rverror.base.units.ARCSEC
     assert index.width == pytest.approx((20 - 10 / 3) * arcsec)
-
-
-@pytest.mark.parametrize(
-    ("samples", "csv"),
-    [
-        ('"parts.csv"', "runout[um]\n1\n4\n2.5\n"),
-        ('"parts.csv"', "# measured\n\nrunout[mm]\n0.001\n0.004\n\n0.0025\n"),
-        (
-            '{ file = "parts.csv", column = "runout" }',
-            "part,runout[um],by\nA1,1,me\n'A,2',4,me\n\"A,3\",2.5,you\n".replace("'A,2'", "A2"),
-        ),
-    ],
-)
-def test_samples_from_a_column_beside_the_file(written, samples: str, csv: str) -> None:  # type: ignore[no-untyped-def]
-    written(csv, "parts.csv")
-    (item,) = load_tolerances(
-        written(f'[[tolerance]]\nkey = "crank.eccentricity"\nphase = "random"\nsamples = {samples}\n')
-    )
-    assert isinstance(item.distribution, SampledAmplitude)
-    assert item.distribution.values == pytest.approx((1e-3, 4e-3, 2.5e-3))
 
 
 @pytest.mark.parametrize("indent", [" " * 5000, "\t" * 5000])
@@ -239,7 +219,7 @@ REFUSED = [
     (table('key = "crank.eccentricity"'), "line 2: crank.eccentricity: no tolerance; give one of"),
     (table(*ECCENTRIC, 'grade = "IT5"'), "line 4: crank.eccentricity: tolerance and grade side by side"),
     (table('key = "crank.eccentricity"', "tolerance = 5"), "line 3: tolerance = 5 has no unit"),
-    (table('key = "crank.eccentricity"', 'tolerance = "5 arcsec"'), "line 3: tolerance: .*write it like '5 um'"),
+    (table('key = "crank.eccentricity"', 'tolerance = "5 arcsec"'), "line 3: .*tolerance: .*use one like 'um'"),
     (table('key = "crank.eccentricity"', 'tolerance = "0 um"'), "line 3: .*must be above 0"),
     (table('key = "crank.eccentricity"', 'grade = "IT5"'), "line 3: a grade needs the size"),
     (table('key = "crank.eccentricity"', 'grade = "IT99"', 'size = "3 mm"'), "line 3: no tolerance grade 'IT99'"),
@@ -284,12 +264,10 @@ REFUSED = [
     ),
     (table(*ECCENTRIC, 'cost = { table = ["3 um"] }'), "line 4: .*must be pairs"),
     (table(*ECCENTRIC, 'cost = { table = [["3 um", "x"]] }'), "line 4: price = 'x'"),
-    (table('key = "crank.index"', "samples = 3"), "line 3: samples = 3: must be values or a file"),
+    (table('key = "crank.index"', "samples = 3"), "line 3: samples = 3: must be a list of measured values"),
     (table('key = "crank.index"', "samples = []"), "line 3: samples: there are none"),
     (table('key = "crank.index"', 'samples = ["1 arcsec", "1 arcsec"]'), "line 3: samples: all 2 values are equal"),
     (table('key = "crank.index"', 'samples = ["1 um"]'), "line 3: samples: .*no unit of angle"),
-    (table('key = "crank.index"', 'samples = "none.csv"'), "line 3: samples: .*none.csv: there is no such file"),
-    (table('key = "crank.index"', 'samples = { name = "x" }'), "line 3: unknown key of samples 'name'"),
     (table('key = "crank.bearing_clearance"', 'tolerance = "5 um"'), "line 3: .*give a mean of 5 um or more"),
     (table('key = "shaft.eccentricity"', 'tolerance = "5 arcsec"'), "line 2: shaft.eccentricity does not act"),
     (table(*ECCENTRIC) + "[[tolerance]]\nkey = 3\n", "line 5: key = 3: must be a text"),
@@ -306,30 +284,6 @@ def test_what_is_wrong_is_named_with_its_line(written, text: str, said: str) -> 
     assert message.startswith(str(path))
     assert "\n" not in message
     assert re.search(said, message), message
-
-
-@pytest.mark.parametrize(
-    ("csv", "said"),
-    [
-        ("", "the file is empty"),
-        ("angle\n1\n", "line 1: 'angle' has no unit"),
-        ("angle[um]\n1\n", "line 1: .*no unit of angle"),
-        ("a[arcsec],b[arcsec]\n1,2\n", "2 columns; say which"),
-        ("a[arcsec]\n1\nx\n", "line 3: 'x' has no number"),
-        ("a[arcsec]\n", "there are none"),
-    ],
-)
-def test_what_is_wrong_in_a_column_is_named(written, csv: str, said: str) -> None:  # type: ignore[no-untyped-def]
-    written(csv, "parts.csv")
-    with pytest.raises(InputError, match=said):
-        load_tolerances(written(table('key = "crank.index"', 'samples = "parts.csv"')))
-
-
-def test_a_column_that_is_not_there(written) -> None:  # type: ignore[no-untyped-def]
-    written("radial[um],tangential[um]\n1,2\n", "parts.csv")
-    text = table('key = "crank.eccentricity"', 'samples = { file = "parts.csv", column = "radail" }')
-    with pytest.raises(InputError, match=r"line 3: .*no column 'radail'; did you mean 'radial'"):
-        load_tolerances(written(text))
 
 
 WORDS = st.sampled_from(

@@ -17,7 +17,7 @@ from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import UnitParts
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
-from rverror.tolerances.loaded_units import LoadedTurn, Turn
+from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
 COMPLIANCES = 6
@@ -103,7 +103,7 @@ class Simulator:
     amplitudes: Amplitudes
 
     @cached_property
-    def _turns(self) -> list[Turn]:
+    def _turns(self) -> list[LoadedTurn]:
         """A turn under each condition.
 
         Pins follow the profiles: without that order 77 of an RV-40E with pins of 3 um is 0.2 arcsec off.
@@ -111,7 +111,7 @@ class Simulator:
         model = replace(self.model, mechanism=curved(self.model.mechanism))
         every, angles = self.parts.placed, min(_ANGLES, self.amplitudes.samples)
         return [
-            Turn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
+            LoadedTurn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
             for c in self.amplitudes.conditions
         ]
 
@@ -128,7 +128,7 @@ class Simulator:
             unit = turn.model.mechanism
             assert isinstance(unit, Reducer)
             softer = replace(turn.model, mechanism=softened(unit, changes))
-            found.append(LoadedTurn(replace(turn, model=softer)))
+            found.append(replace(turn, model=softer))
         return found
 
     def waveforms(self, state: State, standard: Array) -> Array:

@@ -55,8 +55,6 @@ class WorstCase:
     peak_to_peak_angles: tuple[int, int]  #: places of the highest and the lowest angle
     peak_to_peak_values: Array  #: (m,); components of that unit, core units, less their means
     maximum: float  #: largest \|deviation\| of any unit
-    maximum_angle: int
-    maximum_values: Array  #: (m,); components of that unit, core units, less their means
 
 
 @dataclass(frozen=True)
@@ -103,14 +101,12 @@ class Budget(Viewed):
         return math.sqrt(self.mean_square)
 
 
-def budget(stack: Stack, *, width: Array | None = None) -> Budget:
+def budget(stack: Stack) -> Budget:
     """Closed-form error budget of a stack.
 
     Parameters
     ----------
     stack : Stack
-    width : ndarray, shape (entries,), optional
-        Widths in core units; those of the stack where left out.
 
     Returns
     -------
@@ -127,8 +123,7 @@ def budget(stack: Stack, *, width: Array | None = None) -> Budget:
     '18.51'
     """
     check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
-    used = stack.width if width is None else np.asarray(width, dtype=np.float64)
-    scaled = stack.scaled(used)
+    scaled = stack.scaled()
     offset = scaled.mean(axis=1)
     deviation = scaled - offset[:, None]
     size = np.abs(scaled).max(axis=1, initial=0.0)
@@ -143,7 +138,7 @@ def budget(stack: Stack, *, width: Array | None = None) -> Budget:
     mean_squares = deviating.mean(axis=1)
     total = float(mean_squares.sum())
 
-    worst, parts = _worst_case(stack, used, scaled, offset, deviation)
+    worst, parts = _worst_case(stack, scaled, offset, deviation)
     entries = []
     for e, block in enumerate(stack.blocks):
         rows = block.components
@@ -156,7 +151,7 @@ def budget(stack: Stack, *, width: Array | None = None) -> Budget:
         entries.append(
             Contribution(
                 label=stack.labels[e],
-                width=float(used[e]),
+                width=float(stack.width[e]),
                 dimension=stack.components[rows.start].dimension,
                 components=rows.stop - rows.start,
                 mean_square=float(mean_squares[e]),
@@ -215,10 +210,10 @@ def _shared(stack: Stack, scaled: Array) -> Array:
 # --- worst case -------------------------------------------------------------------------------------------------------
 
 
-def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
+def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
     """Worst case, and the part of each entry in its peak-to-peak."""
     groups, middle = stack.worst_groups, stack.middle
-    at_middle = stack.at_middle(width)
+    at_middle = stack.at_middle()
     middle_offset = float(at_middle.mean())
     centred = at_middle - middle_offset
     reach = GroupWaves(groups, scaled).size()
@@ -232,11 +227,6 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
     parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
 
-    deviating = np.abs(centred) + GroupWaves(groups, deviation).size()
-    at = int(deviating.argmax())
-    sign = -1.0 if centred[at] < 0 else 1.0
-    largest, _ = towards(groups, sign * deviation[:, at])
-    of_component = width[stack.entry]
     worst = WorstCase(
         lower=at_middle - reach,
         upper=at_middle + reach,
@@ -244,10 +234,8 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
         peak_to_peak=peak_to_peak,
         peak_to_peak_nominal=float(stack.nominal[high] - stack.nominal[low]),
         peak_to_peak_angles=(high, low),
-        peak_to_peak_values=(middle + swing) * of_component,
-        maximum=float(deviating[at]),
-        maximum_angle=at,
-        maximum_values=(middle + largest) * of_component,
+        peak_to_peak_values=(middle + swing) * stack.width[stack.entry],
+        maximum=float((np.abs(centred) + GroupWaves(groups, deviation).size()).max()),
     )
     return worst, parts
 

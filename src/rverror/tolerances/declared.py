@@ -134,11 +134,6 @@ class Tolerance:
         for other, value in self.correlated_with.items():
             if not -1 <= value <= 1:
                 self._refuse(f"correlated_with {other!r}: {value:g}: a correlation must be from -1 to 1")
-        if self.correlated_with and (self.random_phase or not isinstance(self.distribution, Scalar)):
-            self._refuse(
-                "correlated_with beside vectors of random phase, whose components have no correlation; leave it out, "
-                "or use 'rayleigh' or 'normal' without phase"
-            )
         self._check_vectors()
         self._check_bounds()
         if self.fit is not None and self.classes != 1:

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.viewed import OneLine
-from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import LoadedUnits
-from rverror.tolerances.loaded_yield import COUNT, Verified, loaded_units, verified
+from rverror.tolerances.loaded_yield import Verified, verified
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.sobol import SobolIndices, sobol_indices, without_joined
-from rverror.tolerances.specification import Limit
 
 #: Points of the Sobol indices at the load: (entries + 2) units each.
 POINTS = 128
@@ -57,33 +53,25 @@ def _turns(units: LoadedUnits, points: Array) -> Array:
 
 
 def loaded_budget(
-    model: Model,
-    tolerances: Sequence[Tolerance],
-    limits: Sequence[Limit],
+    units: LoadedUnits,
     closed: Budget,
     linear: VirtualUnits,
     *,
-    direction: Direction = "forward",
-    count: int = COUNT,
-    points: int = POINTS,
-    seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    count: int,
+    points: int,
+    seed: int,
+    progress: Callable[[str], None] | None,
 ) -> LoadedBudget:
     """Solve units at the loads of limits and tell what their tolerances make of each quantity.
 
     Parameters
     ----------
-    model : Model
-        Of a reducer.
-    tolerances : sequence of Tolerance
-    limits : sequence of Limit
-        One without a value asks for the distribution alone.
+    units : LoadedUnits
+        A limit without a value asks for the distribution alone.
     closed : Budget
         Of the same tolerances in closed form: whose worst parts are tried.
     linear : VirtualUnits
         Of the closed form, for the yield beside.
-    direction : {"forward", "reverse"} or +1 or -1
-        Of the transmission error.
     count : int
         Units, 16 or more.
     points : int
@@ -103,7 +91,6 @@ def loaded_budget(
     """
     if count < _FEWEST:
         raise InputError(f"count = {count}: too few units at the load for an interval; give {_FEWEST} or more")
-    units = loaded_units(model, tolerances, limits, direction=direction)
     stack = units.stack
     found = verified(units, stack.width, count=count, seed=seed, progress=progress)
     indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)

@@ -240,7 +240,8 @@ def virtual_units(
         if store is not None:
             store.write(index, sizes)
         results[:, job.span(index)] = sizes
-    return VirtualUnits(*results, draws=draws, seed=job.seed, kept=job.chunks - len(missing))
+    peak_to_peak, largest, rms, offset = results
+    return VirtualUnits(peak_to_peak, largest, rms, offset, draws, job.seed, job.chunks - len(missing))
 
 
 def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws = "sobol") -> Iterator[Array]:

@@ -21,6 +21,8 @@ from rverror.base.errors import InputError
 from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, told, uniforms
 from rverror.tolerances.stacking import Stack
 
+Groups = npt.NDArray[np.intp]
+
 #: Points that indices are estimated from where no number is given.
 COUNT = 2**13
 
@@ -43,28 +45,20 @@ class SobolIndices:
     points: int  #: points A and B each; the function was evaluated points * (groups + 2) times
 
 
-@dataclass(frozen=True)
-class _Replicate:
-    """Values of the function on one scramble: of A, of B, and of A with each group from B."""
-
-    function: Callable[[Array], Array]
-    groups: npt.NDArray[np.intp]
-    count: int
-    points: int
-    seed: int
-    outputs: int
-
-    def __call__(self, index: int) -> Array:
-        """Values, shape (groups + 2, points, outputs)."""
-        values = np.empty((self.count + 2, self.points, self.outputs))
-        dimensions, done = self.groups.size, 0
-        for block in uniforms(self.points, 2 * dimensions, seed=self.seed, index=index):
-            a, b = block[:, :dimensions], block[:, dimensions:]
-            mixed = (np.where(self.groups == group, b, a) for group in range(self.count))
-            for row, points in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
-                row[done : done + len(block)] = self.function(points).reshape(len(block), -1)
-            done += len(block)
-        return values
+def _replicate(
+    function: Callable[[Array], Array], groups: Groups, points: int, seed: int, outputs: int, index: int
+) -> Array:
+    """Values on one scramble: of A, of B, and of A with each group from B, shape (groups + 2, points, outputs)."""
+    dimensions, done = groups.size, 0
+    numbers = range(int(groups.max(initial=-1)) + 1)
+    values = np.empty((len(numbers) + 2, points, outputs))
+    for block in uniforms(points, 2 * dimensions, seed=seed, index=index):
+        a, b = block[:, :dimensions], block[:, dimensions:]
+        mixed = (np.where(groups == group, b, a) for group in numbers)
+        for row, drawn in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
+            row[done : done + len(block)] = function(drawn).reshape(len(block), -1)
+        done += len(block)
+    return values
 
 
 def _peak_to_peaks(sampler: Sampler, points: Array) -> Array:
@@ -127,13 +121,10 @@ def sobol_indices(
     check_share("confidence", confidence)
     check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
-    number = int(belongs.max(initial=-1)) + 1
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
-    task = _Replicate(function, belongs, number, points, int(seed), outputs)
-    values = np.empty((_REPLICATES, number + 2, points, outputs))
-    replicates = computed(task, range(_REPLICATES), executor)
-    for index, found in told(replicates, progress, "Sobol indices", _REPLICATES):
-        values[index] = found
+    task = partial(_replicate, function, belongs, points, int(seed), outputs)
+    replicates = told(computed(task, range(_REPLICATES), executor), progress, "Sobol indices", _REPLICATES)
+    values = np.array([found for _, found in sorted(replicates, key=lambda one: one[0])])
     return tuple(_indices(values[..., output], confidence) for output in range(outputs))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
 from rverror.base import units
@@ -21,7 +20,7 @@ from rverror.tolerances.dependence import correlations, fits
 from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.tolerance_table import column_of, is_table, read_table
+from rverror.tolerances.tolerance_table import is_table, read_table
 
 #: Indent, and what follows the value, of a line that holds one key with a text.
 _VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*'|\[[^\]#]*\])(\s*(?:#.*)?)$""")
@@ -51,6 +50,7 @@ _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
     "fixed": (lambda v: isinstance(v, bool), "true or false", "true"),
     "parameters": (_is_names, "a list", '["%(parameter)s"]'),
     "indices": (lambda v: isinstance(v, dict), "a table", "{ %(index)s = 0 }"),
+    "samples": (lambda v: isinstance(v, list), "a list of measured values", '["%(size)s", "%(size)s"]'),
     "bounds": (
         lambda v: isinstance(v, list) and len(v) == 2,
         "two widths, the smaller first",
@@ -87,7 +87,7 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
     Parameters
     ----------
     path : str or path-like
-        TOML; or a table, CSV or xlsx, with a row for each tolerance.  Files of samples that it names lie beside it.
+        TOML; or a table, CSV or xlsx, with a row for each tolerance.
     model : Model, optional
         Whose tolerances they are: indices that it does not have are refused here.
 
@@ -296,7 +296,7 @@ class _Entry:
         """Another width as a text: with two limits where the table has two, the mean held."""
         unit = units.DISPLAY_UNITS[self.dimension]
         width = _rounded_down(width, self.dimension)
-        if "tolerance" not in self.table or width_and_centre(self._tolerance(), self.dimension)[1] is None:
+        if "tolerance" not in self.table or width_and_centre(self.table["tolerance"], self.dimension)[1] is None:
             return f"{units.to_display(width, self.dimension):.4g} {unit}"
         mean, middle = next(iter(item.mean.values())), item.distribution.middle
         upper, lower = (units.to_display(mean + (middle + side) * width, self.dimension) for side in (1, -1))
@@ -338,7 +338,7 @@ class _Entry:
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
         return value
 
-    def _size(self) -> tuple[float | tuple[float, float] | None, list[float] | None]:
+    def _size(self) -> tuple[Any, list[float] | None]:
         """Width, or samples in its place."""
         given = [name for name in _SIZES if name in self.table]
         if len(given) != 1:
@@ -348,24 +348,16 @@ class _Entry:
                 f'{self.source.key}: {problem}; give one of tolerance = "{self.example}", grade with size, or samples',
             )
         if given == ["samples"]:
-            return None, self._samples(self.table["samples"])
+            return None, [
+                self._quantity("samples", item, self.dimension, self.example) for item in self.table["samples"]
+            ]
         if given == ["grade"]:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
-        return self._tolerance(), None
-
-    def _tolerance(self) -> float | tuple[float, float]:
-        """Width, or the lower and the upper limit."""
         value = self.table["tolerance"]
-        if isinstance(value, list):
-            value = [self._quantity("tolerance", one, self.dimension, self.example) for one in value]
-        elif not isinstance(value, str):
-            return self._quantity("tolerance", value, self.dimension, self.example)
-        try:
-            width, centre = width_and_centre(value, self.dimension)
-        except ValueError as error:
-            said = str(error).partition(";")[0]
-            self.refuse("tolerance", f"tolerance: {said}; write it like '{self.example}'")
-        return width if centre is None else (centre - width, centre + width)
+        for one in value if isinstance(value, list) else [value]:
+            if not isinstance(one, str):
+                self._quantity("tolerance", one, self.dimension, self.example)  # it has no unit
+        return value, None
 
     def _correlated_with(self) -> dict[str, float]:
         value = self.table.get("correlated_with", {})
@@ -396,20 +388,6 @@ class _Entry:
             return gear_limit(self.source.key, number, harmonics=waves, **sizes)
         except ValueError as error:
             self.where.refuse(at, str(error))
-
-    def _samples(self, value: object) -> list[float]:
-        if isinstance(value, list):
-            return [self._quantity("samples", item, self.dimension, self.example) for item in value]
-        file = {"file": value} if isinstance(value, str) else value
-        if isinstance(file, dict):
-            self.where.check_keys((*self.place, "samples"), file, ("file", "column"), "key of samples")
-        if not isinstance(file, dict) or "file" not in file or not all(isinstance(v, str) for v in file.values()):
-            example = f'samples = ["{self.example}", ...] or samples = "parts.csv"'
-            self.refuse("samples", f"samples = {shown(value)}: must be values or a file; write {example}")
-        try:
-            return column_of(Path(self.where.path).parent / file["file"], file.get("column"), self.dimension)
-        except InputError as error:
-            self.refuse("samples", f"samples: {error}")
 
     def _mean(self) -> Any:
         value = self.table.get("mean")

@@ -114,7 +114,7 @@ def _error_budget_table(result: ErrorBudget) -> Table:
     variables = {
         **table(result.closed).variables,
         **rows("component", components, component=str),
-        **arrays("component", result.closed.worst, "worst_", **alike(own, "peak_to_peak_values", "maximum_values")),
+        **arrays("component", result.closed.worst, "worst_", **alike(own, "peak_to_peak_values")),
         **drawn.variables,
     }
     if result.indices is not None:
