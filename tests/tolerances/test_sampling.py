@@ -285,24 +285,16 @@ def test_two_processes_and_what_an_interrupted_job_left(
     assert again.kept == 9
 
 
-class Interrupted(ThreadPoolExecutor):
-    """One thread; the hand stops after some chunks."""
+def test_interruption_and_resumption(rv40e: Stack, alone: VirtualUnits, tmp_path: Path) -> None:
+    told: list[str] = []
 
-    def __init__(self, after: int) -> None:
-        super().__init__(1)
-        self.after = after
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if self.after == 0:
+    def stop(line: str) -> None:
+        told.append(line)
+        if len(told) == 5:
             raise KeyboardInterrupt
-        self.after -= 1
-        return super().submit(fn, *args, **kwargs)
 
-
-def test_interruption_and_resumption(rv40e: Stack, alone: VirtualUnits, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr(module, "IN_FLIGHT", 2)
-    with Interrupted(5) as pool, pytest.raises(KeyboardInterrupt):
-        virtual_units(rv40e, 1100, seed=7, executor=pool, folder=tmp_path)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        virtual_units(rv40e, 1100, seed=7, executor=pool, folder=tmp_path, progress=stop)
     left = len(list(tmp_path.iterdir()))
     assert 0 < left <= 5
     resumed = virtual_units(rv40e, 1100, seed=7, folder=tmp_path)
@@ -311,31 +303,6 @@ def test_interruption_and_resumption(rv40e: Stack, alone: VirtualUnits, tmp_path
     third = virtual_units(rv40e, 1100, seed=7, folder=tmp_path)
     assert third.kept == 18
     assert same(third, alone)
-
-
-def test_no_more_chunks_are_handed_out_than_are_in_flight(monkeypatch: Any) -> None:
-    waiting: list[Future[Any]] = []
-    most: list[int] = []
-
-    class Slow(Executor):
-        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-            future: Future[Any] = Future()
-            waiting.append(future)
-            most.append(sum(not f.done() for f in waiting))
-            if most[-1] == 3:
-                for pending in waiting:
-                    if not pending.done():
-                        pending.set_result(None)
-                        break
-            return future
-
-    monkeypatch.setattr(module, "IN_FLIGHT", 3)
-    stream = module.computed(int, range(50), Slow())
-    for _ in range(40):
-        next(stream)
-    stream.close()
-    assert max(most) == 3
-    assert any(future.cancelled() for future in waiting)  # nothing goes on behind an interruption
 
 
 def test_lost_workers_are_one_line(rv40e: Stack) -> None:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -39,7 +39,6 @@ _LONGEST_CHUNK = 2**14
 _CHUNKS = 12  # that a job has at least, where it has enough units: as many workers share it
 _STEP = 1024  # units drawn at a time
 _CELL = 2.0**-30  # distance of neighbouring Sobol points
-IN_FLIGHT = 64  # chunks handed to an executor at a time
 _SIZES = ("peak_to_peak", "max", "rms", "offset")
 
 
@@ -326,37 +325,20 @@ def chunk_length(count: int) -> int:
 
 
 def computed(
-    task: Callable[[int], Result], indices: Iterable[int], executor: Executor | None
+    task: Callable[[int], Result], indices: Sequence[int], executor: Executor | None
 ) -> Iterator[tuple[int, Result]]:
-    """Results of a task for each index as they are done, in any order, no more than a few handed out at a time.
+    """Results of a task for each index, in their order.
 
     The task must pickle where the executor has other processes; without an executor it runs in this one.  Workers that
     are lost are an InputError.
     """
-    if executor is None:
-        for index in indices:
-            yield index, task(index)
-        return
-    waiting = iter(indices)
-    pending: dict[Future[Result], int] = {}
     try:
-        while True:
-            for index in waiting:
-                pending[executor.submit(task, index)] = index
-                if len(pending) >= IN_FLIGHT:
-                    break
-            if not pending:
-                return
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                yield pending.pop(future), future.result()
+        yield from zip(indices, map(task, indices) if executor is None else executor.map(task, indices), strict=True)
     except BrokenExecutor as problem:
         raise InputError(
             f"the workers were lost ({type(problem).__name__}: {problem}); start again, with fewer if memory ran out; "
             'what is in folder= is kept; a script needs an `if __name__ == "__main__":`'
         ) from problem
-    finally:
-        for future in pending:
-            future.cancel()
 
 
 def told(results: Iterable[Result], progress: Callable[[str], None] | None, what: str, number: int) -> Iterator[Result]:

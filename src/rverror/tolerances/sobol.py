@@ -124,7 +124,7 @@ def sobol_indices(
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
     task = partial(_replicate, function, belongs, points, int(seed), outputs)
     replicates = told(computed(task, range(_REPLICATES), executor), progress, "Sobol indices", _REPLICATES)
-    values = np.array([found for _, found in sorted(replicates, key=lambda one: one[0])])
+    values = np.array([found for _, found in replicates])
     return tuple(_indices(values[..., output], confidence) for output in range(outputs))
 
 
