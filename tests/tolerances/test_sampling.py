@@ -125,7 +125,10 @@ def test_sizes_follow_their_definitions(rv40e: Stack) -> None:
 
 
 def test_quasi_random_quantiles_against_ten_times_as_many_plain_ones(rv40e: Stack) -> None:
-    quasi, plain = virtual_units(rv40e, 4096), virtual_units(rv40e, 40960, seed=1, draws="random")
+    quasi = virtual_units(rv40e, 4096)
+    drawn = np.concatenate(list(uniforms(40960, rv40e.dimensions, seed=1, index=0, plain=True)))
+    sizes = module.sampler(rv40e).sizes(drawn)
+    plain = VirtualUnits(sizes.peak_to_peak, sizes.max, sizes.rms, sizes.offset, 1, 0)
     for size in ("peak_to_peak", "max", "rms"):
         for probability in (0.5, 0.95, 0.99):
             one, other = quasi.quantile(probability, size), plain.quantile(probability, size)
@@ -174,7 +177,7 @@ def test_intervals_cover(given: Stack, quantile: Callable[[float], float]) -> No
 
 
 def units_of(sizes: np.ndarray) -> VirtualUnits:
-    return VirtualUnits(sizes, sizes, sizes, sizes, "random", 0, 0)
+    return VirtualUnits(sizes, sizes, sizes, sizes, 0, 0)
 
 
 @pytest.mark.parametrize("count", [10, 60, 367, 368, 2000])
@@ -227,16 +230,16 @@ def test_a_chunk_fills_every_stratum_once(dimensions: int) -> None:
 
 
 def test_chunks_are_seeded_by_their_index_alone() -> None:
-    def drawn(seed: int, index: int, draws: Any) -> bytes:
-        return b"".join(block.tobytes() for block in uniforms(100, 3, seed=seed, index=index, draws=draws))
+    def drawn(seed: int, index: int, plain: bool) -> bytes:
+        return b"".join(block.tobytes() for block in uniforms(100, 3, seed=seed, index=index, plain=plain))
 
-    for draws in ("sobol", "random"):
-        assert drawn(1, 2, draws) == drawn(1, 2, draws)
-        assert len({drawn(seed, index, draws) for seed in range(3) for index in range(3)}) == 9
+    for plain in (False, True):
+        assert drawn(1, 2, plain) == drawn(1, 2, plain)
+        assert len({drawn(seed, index, plain) for seed in range(3) for index in range(3)}) == 9
 
 
 def test_plain_random_units_are_no_sobol_points() -> None:
-    points = np.concatenate(list(uniforms(4096, 2, seed=0, index=0, draws="random")))
+    points = np.concatenate(list(uniforms(4096, 2, seed=0, index=0, plain=True)))
     assert len(np.unique((points[:, 0] * 4096).astype(int))) < 3000
     assert stats.kstest(points[:, 1], "uniform").pvalue > 1e-3
 
@@ -244,9 +247,7 @@ def test_plain_random_units_are_no_sobol_points() -> None:
 def test_more_variates_than_sobol_sequences_have() -> None:
     many = made(np.zeros((21202, 2)), *[Uniform()] * 2)
     wide = replace(many, blocks=(Block(0, 0, 21202, 1, Uniform()),), entry=np.zeros(21202, dtype=int))
-    with pytest.raises(InputError, match=r"21202 variates.*up to 21201; give draws='random'"):
-        virtual_units(wide, 10)
-    assert virtual_units(wide, 10, draws="random").count == 10
+    assert virtual_units(wide, 10).count == 10
 
 
 # --- equal numbers everywhere -----------------------------------------------------------------------------------------
@@ -336,7 +337,6 @@ def test_half_of_a_file_does_not_count(done: tuple[Path, VirtualUnits], left: in
 CHANGED = {
     "seed": ({"seed": 1}, VECTOR),
     "count": ({"count": 199}, VECTOR),
-    "draws": ({"draws": "random"}, VECTOR),
     "width": ({}, replace(VECTOR, width=np.array([1.1]))),
     "waveforms": ({}, replace(VECTOR, influence=1.1 * VECTOR.influence)),
     "nominal": ({}, replace(VECTOR, nominal=VECTOR.influence[0])),
@@ -382,7 +382,6 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
     [
         ({"count": 0}, "count = 0: no unit"),
         ({"seed": -1}, "seed = -1: must be 0 or more"),
-        ({"draws": "halton"}, "draws = 'halton': must be 'sobol' or 'random'"),
     ],
 )
 def test_settings_are_checked(settings: dict[str, Any], words: str) -> None:

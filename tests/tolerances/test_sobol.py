@@ -209,8 +209,3 @@ def test_same_numbers_with_threads() -> None:
 def test_settings_are_checked(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         sobol_indices(additive, [0, 1, 2, 3, 4], **settings)
-
-
-def test_too_many_variates_are_refused() -> None:
-    with pytest.raises(InputError, match="22000 variates"):
-        sobol_indices(lambda u: u[:, 0], np.zeros(11_000, dtype=int))

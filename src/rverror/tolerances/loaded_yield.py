@@ -148,7 +148,7 @@ def loaded_units(
 
 def standard_draws(laid: Stack, count: int, *, seed: int, stream: int) -> Array:
     """Standard draws of units, shape (count, components): plain random ones of one of many streams of a seed."""
-    blocks = uniforms(count, laid.dimensions, seed=seed, index=_FIRST_STREAM - stream, draws="random")
+    blocks = uniforms(count, laid.dimensions, seed=seed, index=_FIRST_STREAM - stream, plain=True)
     return np.concatenate([laid.standard(block) for block in blocks])
 
 

@@ -27,7 +27,6 @@ from rverror.tolerances.extremes import Extremes, Kernel, kernel
 from rverror.tolerances.stacking import Stack
 
 Result = TypeVar("Result")
-Draws = Literal["sobol", "random"]
 Size = Literal["peak_to_peak", "max", "rms", "offset"]
 
 #: Virtual units where no number is given.
@@ -58,8 +57,6 @@ class VirtualUnits(Viewed):
     ----------
     peak_to_peak, max, rms, offset : ndarray, shape (units,)
         rad, as in `Extremes`.
-    draws : str
-        ``sobol`` or ``random``.
     seed : int
     kept : int
         Chunks that were there from an earlier call.
@@ -69,7 +66,6 @@ class VirtualUnits(Viewed):
     max: Array
     rms: Array
     offset: Array
-    draws: Draws
     seed: int
     kept: int
 
@@ -141,7 +137,6 @@ class _Chunks:
     count: int
     chunk: int
     seed: int
-    draws: Draws
 
     @property
     def chunks(self) -> int:
@@ -155,7 +150,7 @@ class _Chunks:
     def __call__(self, index: int) -> Array:
         """Sizes of one chunk, shape (4, units)."""
         span, dimensions = self.span(index), self.sampler.stack.dimensions
-        blocks = uniforms(span.stop - span.start, dimensions, seed=self.seed, index=index, draws=self.draws)
+        blocks = uniforms(span.stop - span.start, dimensions, seed=self.seed, index=index)
         parts = [self.sampler.sizes(block) for block in blocks]
         return np.array([np.concatenate([getattr(part, name) for part in parts]) for name in _SIZES])
 
@@ -167,7 +162,6 @@ def virtual_units(
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
-    draws: Draws = "sobol",
     progress: Callable[[str], None] | None = None,
 ) -> VirtualUnits:
     """Draw virtual units of a model and its tolerances, and compute the sizes of their output errors.
@@ -186,8 +180,6 @@ def virtual_units(
     folder : str or path-like, optional
         Where each chunk is written as soon as it is done; made where missing.  Called again after an interruption,
         with the same stack and settings, what is there is not computed again.
-    draws : str
-        ``sobol``: quasi-random units, up to 21201 variates each.  ``random``: plain random ones.
     progress : callable, optional
         Called with a line of text after each chunk.
 
@@ -223,8 +215,7 @@ def virtual_units(
     if count < 1:
         raise InputError(f"count = {count}: no unit to draw; give 1 or more")
     check_seed(seed)
-    _check_draws(draws, stack.dimensions)
-    job = _Chunks(sampler(stack), int(count), chunk_length(count), int(seed), draws)
+    job = _Chunks(sampler(stack), int(count), chunk_length(count), int(seed))
     store = None if folder is None else _Store(Path(folder), _digest(stack, job))
     results = np.empty((len(_SIZES), job.count))
     missing = []
@@ -240,10 +231,10 @@ def virtual_units(
             store.write(index, sizes)
         results[:, job.span(index)] = sizes
     peak_to_peak, largest, rms, offset = results
-    return VirtualUnits(peak_to_peak, largest, rms, offset, draws, job.seed, job.chunks - len(missing))
+    return VirtualUnits(peak_to_peak, largest, rms, offset, job.seed, job.chunks - len(missing))
 
 
-def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws = "sobol") -> Iterator[Array]:
+def uniforms(count: int, dimensions: int, *, seed: int, index: int, plain: bool = False) -> Iterator[Array]:
     """Uniform variates of one chunk, a block at a time: between 0 and 1, never 0 or 1.
 
     Parameters
@@ -254,17 +245,16 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
         Variates of a unit.
     seed, index : int
         0 or more; the variates depend on these alone.
-    draws : str
-        ``sobol``: the first points of a Sobol sequence with a scramble of its own, each in the middle of its cell of
-        2**-30.  ``random``: plain random numbers.
+    plain : bool
+        Plain random numbers, as where there are more variates than Sobol sequences have.  Else the first points of a
+        Sobol sequence with a scramble of its own, each in the middle of its cell of 2**-30.
 
     Yields
     ------
     ndarray, shape (units, dimensions)
     """
-    _check_draws(draws, dimensions)
     rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
-    sobol = draws == "sobol" and dimensions
+    sobol = not plain and 0 < dimensions <= MOST_SOBOL_DIMENSIONS
     points = scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=30, seed=rng) if sobol else None
     for start in range(0, count, _STEP):
         rows = min(_STEP, count - start)
@@ -273,15 +263,6 @@ def uniforms(count: int, dimensions: int, *, seed: int, index: int, draws: Draws
         else:
             whole = 1 << (rows - 1).bit_length()  # scipy warns of any other number
             yield points.random(whole)[:rows] + _CELL / 2
-
-
-def _check_draws(draws: str, dimensions: int) -> None:
-    if draws not in ("sobol", "random"):
-        raise InputError(f"draws = {draws!r}: must be 'sobol' or 'random'")
-    if draws == "sobol" and dimensions > MOST_SOBOL_DIMENSIONS:
-        raise InputError(
-            f"{dimensions} variates a unit: Sobol sequences go up to {MOST_SOBOL_DIMENSIONS}; give draws='random'"
-        )
 
 
 def check_share(name: str, value: float, example: float = 0.95) -> None:
@@ -386,7 +367,7 @@ def _digest(stack: Stack, job: _Chunks) -> str:
     """Beginning of the SHA-256 of all that the numbers depend on."""
     tied = () if stack.dependence is None else (stack.dependence.factor, stack.dependence.between)
     classes = () if stack.dependence is None else stack.dependence.classes
-    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, job.draws, stack.blocks, classes)
+    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, stack.blocks, classes)
     sha = hashlib.sha256(repr(said).encode())
     for array in (stack.nominal, stack.influence, stack.entry, stack.width, *tied):
         sha.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())

@@ -135,8 +135,7 @@ def _error_budget_table(result: ErrorBudget) -> Table:
 @table.register
 def _units_table(result: VirtualUnits) -> Table:
     variables = arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE)
-    about = {"draws": result.draws, "seed": result.seed}
-    return Table("VirtualUnits", "virtual_unit", variables, about)
+    return Table("VirtualUnits", "virtual_unit", variables, {"seed": result.seed})
 
 
 # --- for programs -----------------------------------------------------------------------------------------------------
@@ -293,7 +292,7 @@ def _quantiles(drawn: VirtualUnits | None, closed: Budget | None = None) -> Shee
 
 @sheet.register
 def _units_sheet(thing: VirtualUnits) -> Sheet:
-    return title("Virtual units", f"{thing.count}, {thing.draws}, seed {thing.seed}") + _quantiles(thing)
+    return title("Virtual units", f"{thing.count}, seed {thing.seed}") + _quantiles(thing)
 
 
 @sheet.register
