@@ -84,8 +84,8 @@ class WidthSearch:
         #: And for each limit, as others may have other bad units.
         self.beyond_each = self.beyond // len(units.limits)
         self.drawn = standard_draws(units.stack, self.sample, seed=self.seed, stream=0)
-        loaded = isinstance(units, LoadedUnits)
-        self.few, self.slack = (min(_FEW, self.sample), _SLACK) if loaded else (self.sample, _CLOSED_SLACK)
+        self.loaded = isinstance(units, LoadedUnits)
+        self.few, self.slack = (min(_FEW, self.sample), _SLACK) if self.loaded else (self.sample, _CLOSED_SLACK)
         turns = units.solved(np.zeros((1, self.drawn.shape[1])), self.costs.given).turns[0]
         self.still = turns / np.array([one.allowed for one in units.limits])
         self.ratios: list[Array] = []
@@ -109,7 +109,8 @@ class WidthSearch:
             local = self._calibrated(local, found.widths, fresh)
             ahead = self._step(local, found, _REACH, hold=self._any_smooth(found))
             change = self._change(found, ahead)
-            if best is not None and (change < self.slack or self._cost(ahead) > self._cost(found)):
+            enough = self.loaded and attempt > 1  # a verification takes most of the time there
+            if best is not None and (enough or change < self.slack or self._cost(ahead) > self._cost(found)):
                 break
             found, local = (ahead, local) if change < 2 * _FARTHEST else self._settled(found, local, rounds=2)
         if best is None:
@@ -145,7 +146,7 @@ class WidthSearch:
         widths = np.clip(costs.given, costs.low, costs.high)
         errors = [one for one in self.units.limits if one.quantity == "transmission_error"]
         idle = idle_entries(stack)  # what does nothing there may do much here
-        if errors and isinstance(self.units, LoadedUnits) and (costs.smooth & ~idle).any():
+        if errors and self.loaded and (costs.smooth & ~idle).any():
             low, high = (np.where(idle, widths, end) for end in (costs.low, costs.high))
             closed = ClosedFormUnits(stack, (min(errors, key=lambda one: one.allowed),))
             costs = replace(costs, given=widths, low=low, high=high)
