@@ -37,17 +37,18 @@ def timed(work: Callable[[], Any]) -> tuple[float, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=float, default=60.0, help="arcsec")
-    parser.add_argument("--sample", type=int, default=2**14)
-    parser.add_argument("--verify", type=int, default=2**16)
+    parser.add_argument("--verify", type=int, default=2**15)
     options = parser.parse_args()
     model = rverror.Model(rverror.reducer("RV-40E"))
     tolerances = rverror.load_tolerances(TOLERANCES, model)
     stack = rverror.tolerances.stack(model, tolerances)
-    settings = {"sample": options.sample, "verify": options.verify}
+    settings = {"verify": options.verify}
 
     limits = [factor * options.limit * ARCSEC for factor in FRONT]
-    singly = [timed(lambda limit=limit: rverror.allocate(stack, limit=limit, **settings)) for limit in limits]
-    together, front = timed(lambda: rverror.tolerances.cost_front(stack, limits=limits, **settings))
+    singly = [
+        timed(lambda limit=limit: rverror.allocate(model, tolerances, limit=limit, **settings)) for limit in limits
+    ]
+    together, front = timed(lambda: rverror.tolerances.cost_front(stack, limits, **settings))
     alone = sum(seconds for seconds, _ in singly)
     print(f"one allocation {singly[2][0]:.1f} s; five {alone:.1f} s, as one front {together:.1f} s")
     print(f"ratio {alone / together:.2f}")

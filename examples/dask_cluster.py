@@ -64,7 +64,7 @@ def on_a_cluster() -> tuple[rverror.tolerances.VirtualUnits, rverror.tolerances.
 # %%
 if __name__ == "__main__":
     here = rverror.tolerances.virtual_units(parts, COUNT)
-    print(f"{here.count} virtual RV-40E, {parts.influence.shape[0]} part errors, in chunks of {here.chunk}:")
+    print(f"{here.count} virtual RV-40E, {parts.influence.shape[0]} part errors:")
     told(here)
     answer = on_a_cluster()
     if answer is None:

@@ -32,6 +32,5 @@ print(rverror.to_text(budget, limit=40 * ARCSEC))
 # The allocation in closed form: least cost within the limit, checked by units that took no part in finding it.
 
 # %%
-stack = rverror.tolerances.stack(model, tolerances)
-bought = rverror.allocate(stack, limit="40 arcsec", sample=2**12, verify=2**14)
+bought = rverror.allocate(model, tolerances, limit="40 arcsec", verify=2**14)
 print(rverror.to_text(bought))

@@ -350,8 +350,8 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         budget = rverror.error_budget(
             MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
         )
-    allocation = rverror.allocate(stack, limit="60 arcsec", kind="worst", verify=1024)
-    front = rverror.tolerances.cost_front(stack, limits=["5 arcsec", "60 arcsec"], kind="worst", verify=1024)
+    allocation = rverror.allocate(MODEL, TOLERANCES, THETA, limit="60 arcsec", kind="worst")
+    front = rverror.tolerances.cost_front(stack, ["5 arcsec", "60 arcsec"], kind="worst")
     few = THETA[:6]
     return {
         "Reducer": (MODEL.mechanism, {}),
@@ -430,7 +430,7 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Budget": (budget.closed, {}),
         "VirtualUnits": (budget.units, {}),
         "ErrorBudget": (budget, {}),
-        "Allocation": (allocation, {"stack": stack}),
+        "Allocation": (allocation, {}),
         "Front": (front, {}),
         "Compensation": (compensation(), {}),
         "Lot": (lot(), {}),

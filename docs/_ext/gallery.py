@@ -85,9 +85,9 @@ limits = [rverror.limit("transmission_error", "40 arcsec", torque=f"{torque} N*m
 limits.append(rverror.limit("lost_motion", "60 arcsec"))
 budget = rverror.error_budget(rverror.Model(unit.mechanism), tolerances, count=8192, index_count=512,
                               limits=limits, loaded_count=400)
-least = rverror.allocate(budget.stack, limit="45 arcsec", kind="worst", verify=2048)
+least = rverror.allocate(budget.model, tolerances, limit="45 arcsec", kind="worst")
 limits = ["1 arcsec", "30 arcsec", "35 arcsec", "40 arcsec", "45 arcsec", "50 arcsec", "55 arcsec"]
-front = rverror.tolerances.cost_front(budget.stack, limits=limits, kind="worst", verify=2048)
+front = rverror.tolerances.cost_front(budget.stack, limits, kind="worst")
 
 small = rverror.Model(rverror.Reducer(sun_teeth=9, planet_teeth=27, module=1.5, pressure_angle="20 deg", disc_lobes=15,
                                       pins=16, pin_circle_radius=64, pin_radius=5, eccentricity=2.4,

@@ -197,7 +197,7 @@ cases = {
 p95 = {}
 for name, widths in cases.items():
     changed = [replace(one, width=widths.get(one.key, one.width)) for one in as_made]
-    drawn_units = rverror.tolerances.virtual_units(model, changed, count=2**12, seed=1)
+    drawn_units = rverror.tolerances.virtual_units(rverror.tolerances.stack(model, changed), 2**12, seed=1)
     p95[name] = drawn_units.quantile(0.95).value / ARCSEC
     print(f"{name:28} 95 % of the units stay below {p95[name]:.1f} arcsec")
 

@@ -34,7 +34,6 @@ ASKED: dict[str, Callable[[Any], object]] = {
     "influence": lambda torque: rverror.influence(UNIT, THETA, "load.torsion", torque=torque),
     "stack": lambda torque: rverror.tolerances.stack(MODEL, CAMS, torque=torque),
     "stack at speed": lambda torque: rverror.tolerances.stack(PLAIN, CAMS, input_speed="300 rpm", torque=torque),
-    "virtual units": lambda torque: rverror.tolerances.virtual_units(PLAIN, CAMS, count=16, torque=torque),
     "torsion curve": lambda torque: rverror.statics.torsion_curve(PLAIN, THETA, torques=[-torque, 0.0, torque]),
     "hysteresis": lambda torque: rverror.statics.hysteresis(PLAIN, [0.0], torques=np.array([torque]), friction=RUBBING),
     "efficiency": lambda torque: rverror.statics.efficiency(PLAIN, THETA, torque=torque, friction=RUBBING),

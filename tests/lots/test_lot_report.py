@@ -21,6 +21,7 @@ from rverror.base.units import ARCSEC
 from rverror.lots.as_made import tolerances_as_made
 from rverror.lots.result import Interval, Lot, MadeBy, Shift
 from rverror.views import to_csv
+from stack_covariance import of_stack
 
 EMPTY = Lot("unit", 5, ("forward at 20 N*m",), (), (), (), {}, (), (), (), (), 0.5)
 
@@ -125,7 +126,7 @@ def test_the_file_gives_back_the_standard_deviations(tmp_path: Path) -> None:
     found = read_back(lot(), tmp_path)
     assert [(one.key, dict(one.indices)) for one in found] == [(one.key, dict(one.indices)) for one in made]
     stacked = rverror.tolerances.stack(MODEL, found, theta=np.linspace(0, 1, 8))
-    deviations = np.sqrt(np.diag(stacked.covariance)) * stacked.width[stacked.entry]
+    deviations = np.sqrt(np.diag(of_stack(stacked))) * stacked.width[stacked.entry]
     wanted = [one.deviation.value for one in made if one.deviation]
     np.testing.assert_allclose(deviations, np.array(wanted)[stacked.entry], rtol=1e-3)
     assert found[0].mean == pytest.approx({"radial": 0.003})

@@ -49,13 +49,7 @@ def test_best_and_bound_against_all_assemblies(seed):
         counts = (every <= limit).sum(axis=1)
         searched = good(lot, lot.searched(np.random.default_rng(0)))
         assert counts.max() - 1 <= searched <= counts.max()
-        found, bound = lot.best(np.random.default_rng(0))
-        assert good(lot, found) == counts.max() == bound
-        bound, packed = lot.packed(lot.good())
-        assert bound == counts.max()
-        assert len(packed.part) == counts.max() == good(lot, packed)
         assert counts.max() <= lot.bound() <= 3
-        assert counts.max() <= lot.best(np.random.default_rng(0), listed=0)[1]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -69,7 +63,7 @@ def test_among_equals_the_least_error(seed):
     assert least - 1e-9 <= found <= 1.03 * least
 
 
-def test_a_part_that_no_good_unit_has_is_found_without_a_list():
+def test_a_part_that_no_good_unit_has_lowers_the_bound():
     lot = waves(1, scale=0.1)
     parts = [part.copy() for part in lot.parts]
     parts[3][0, 1] += 5 * np.sin(np.arange(SAMPLES))  # no other part can take so much away
@@ -122,9 +116,9 @@ def test_order_of_parts_does_not_matter():
     order = [np.random.default_rng(7).permutation(number) for number in NUMBERS]
     order[1] = order[0]
     other = replace(lot, parts=[part[:, of] for part, of in zip(lot.parts, order, strict=True)])
-    assert lot.packed(lot.good())[0] == other.packed(other.good())[0]
-    counts = [good(one, one.best(np.random.default_rng(0))[0]) for one in (lot, other)]
-    assert counts[0] == counts[1]
+    assert lot.bound() == other.bound()
+    counts = [good(one, one.searched(np.random.default_rng(0))) for one in (lot, other)]
+    assert abs(counts[0] - counts[1]) <= 1
 
 
 def test_every_part_is_used_once():

@@ -94,7 +94,7 @@ def row(printed: str, asked: Tolerance, item: Contribution, place: int) -> str:
 
 
 def table(items: dict[str, Tolerance]) -> tuple[Budget, str]:
-    result = budget(stack(UNIT, list(items.values())), draws=2)
+    result = budget(stack(UNIT, list(items.values())))
     order = sorted(result.contributions, key=lambda c: -c.share)
     lines = [
         "| printed | read as | rank here | share of the variance, % | rms | worst peak-to-peak | worst offset |",

@@ -123,9 +123,7 @@ OTHERS = {
     "diagnose": "test_unknown_index: marks off are found again",
     "unit_error": "by `transmission_error_by_effect`, which is above",
     "unit_of_parts": "it adds effects and asks for nothing",
-    "virtual_units": "of a stack, which is above",
     "allocate": "of a stack, which is above",
-    "cost_front": "of a stack, which is above",
     "allocate_at_load": "of units at the load: below",
     "error_budget": "of a stack, which is above, and of units at the load: below",
 }

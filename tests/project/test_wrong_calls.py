@@ -28,14 +28,14 @@ FILE = "there-is-no-such-file.csv"
 #: A call that each function understands, but for what is not there yet.
 CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "Model": ((UNIT, (EFFECT,)), {}),
-    "allocate": ((MODEL, CAMS), {"limit": "60 arcsec", "kind": "worst", "verify": 1000}),
+    "allocate": ((MODEL, CAMS), {"limit": "60 arcsec", "kind": "worst"}),
     "allocate_at_load": ((MODEL, CAMS, [rverror.limit("lost_motion", "1 deg")]), {"sample": 64, "verify": 500}),
     "append_effects": ((FILE, "other.toml", [EFFECT]), {}),
     "backlash": ((MODEL, THETA), {}),
     "budget": ((STACK,), {}),
     "compensate": ((MODEL, [RUN]), {}),
     "contact_pressure": ((MODEL, THETA), {"torque": 20e3, "disc_width": 9.0, "gear_width": 8.0}),
-    "cost_front": ((STACK,), {"limits": ["60 arcsec"], "kind": "worst", "verify": 1000}),
+    "cost_front": ((STACK, ["60 arcsec"]), {"kind": "worst"}),
     "diagnose": ((MODEL, [RUN]), {}),
     "effect": (("crank.index",), {"crank": 0, "angle": "1 mrad"}),
     "duty_efficiency": (
@@ -85,7 +85,7 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "torsional_stiffness": ((MODEL, THETA), {}),
     "transmission_error": ((MODEL, THETA), {}),
     "transmission_error_by_effect": ((MODEL, THETA), {}),
-    "virtual_units": ((MODEL, CAMS, THETA), {"count": 64}),
+    "virtual_units": ((STACK, 64), {}),
     "wear": (
         (MODEL,),
         {
@@ -195,8 +195,7 @@ def test_what_is_mistaken_is_told(name: str, tmp_path: Path, monkeypatch: pytest
         (lambda: rverror.error_budget(MODEL, "tolerances.toml"), r"give load_tolerances\(path\)"),
         (lambda: rverror.diagnose(MODEL, RUN), "give a list of runs"),
         (lambda: rverror.diagnose([RUN], MODEL), "model is a list"),
-        (lambda: rverror.tolerances.virtual_units(STACK, THETA, torque=20e3), "beside a stack"),
-        (lambda: rverror.tolerances.virtual_units(None, count=3), "model"),
+        (lambda: rverror.tolerances.virtual_units(None, count=3), "stack"),
         (lambda: rverror.allocate(MODEL, "tolerances.toml", limit=1e-4), r"give load_tolerances\(path\)"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import rverror
 from gear_runs import UNIT
 from rverror.base.units import ARCSEC
 from rverror.tolerances import loaded_units as angles
-from rverror.tolerances.loaded_allocation import LoadedQuantile, allocate_at_load
-from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, Turn, instances_of
+from rverror.tolerances.allocation import allocate_at_load
+from rverror.tolerances.constraints import SampleQuantile
+from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, instances_of
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
@@ -123,7 +125,7 @@ def test_what_may_be_out_of_balance_goes_with_the_torque_at_each_angle() -> None
     model, tolerances = mixed()
     units = loaded_units(model, tolerances, EVERY_LIMIT[-1:])
     every = instances_of(units.stack)
-    turn = LoadedTurn(Turn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False))
+    turn = LoadedTurn.of(model, every, angles=48, direction=1.0, torque=ARM, reads=False)
     places = np.array([30, 3, 15])
     problem = turn.state(units.means, places).problem
     torque = np.abs(ARM(2 * np.pi * places / 48))
@@ -180,7 +182,7 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     assert narrow < found.widths[0] < widest
     assert found.held_by == ("limit",)
     assert found.cost == pytest.approx(10.0 * 0.006 / found.widths[0])
-    assert found.closed_form.quantile == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
+    assert found.closed_form.value == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
 
 
 @pytest.mark.usefixtures("few_angles")
@@ -268,9 +270,9 @@ def test_quantiles_of_a_sample_change_as_their_slopes_tell() -> None:
     units = loaded_units(model, tolerances, EVERY_LIMIT[:3])
     widths, still = units.stack.width, np.array([0.1, 0.2, 0.3])
     solved = units.solved(standard_draws(units.stack, 32, seed=1, stream=0), widths, slopes=True)
-    plain = LoadedQuantile(units, solved, widths, 0.99, still)
+    plain = SampleQuantile.of(units, solved, widths, still, 0.99)
     ratios = np.array([1.5, 0.8, 1.1])
-    scaled = plain.calibrated(ratios)
+    scaled = replace(plain, ratios=ratios)
     np.testing.assert_allclose(scaled.parts(widths)[0] - still, ratios * (plain.parts(widths)[0] - still))
     for entry in range(len(widths)):
         step = np.where(np.arange(len(widths)) == entry, 1e-6 * widths, 0.0)

@@ -194,7 +194,7 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     limit = f"{math.degrees(worst) * 3600 / 2:.6f} arcsec"
     assert main(["allocate", *given, "--kind", "worst", "--limit", limit, "--units", "1000"]) == 0
     told = json.loads(out.read_text())
-    found = rverror.allocate(made, limit=limit, kind="worst", verify=1000)
+    found = rverror.allocate(model, items, input_speed="300 rpm", torque="100 N*m", limit=limit, kind="worst")
     assert told["cost"] == pytest.approx(found.cost, rel=1e-3)
     assert told["input_speed_rpm"] == pytest.approx(300)
     assert "at 300 rpm" in capsys.readouterr().out.splitlines()[0]

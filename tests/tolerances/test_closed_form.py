@@ -14,7 +14,7 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.units import ARCSEC
 from rverror.tolerances.blocks import Block, Component
-from rverror.tolerances.closed_form import Budget, budget
+from rverror.tolerances.closed_form import budget
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import (
     Circle,
@@ -27,7 +27,8 @@ from rverror.tolerances.distribution import (
     Uniform,
 )
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.worst_pair import GroupWaves, diameter
+from rverror.tolerances.worst_pair import GroupWaves
+from stack_covariance import of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 MIXED = (
@@ -151,8 +152,8 @@ def test_propagation_is_that_of_uncertainties(kind: str) -> None:
 def test_variance_is_that_of_the_covariance_of_the_draws(entries, n: int, seed: int, nominal: float) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed, nominal=nominal)
     scaled = given_stack.scaled()
-    expected = np.diag(scaled.T @ given_stack.covariance @ scaled)
-    np.testing.assert_allclose(budget(given_stack, draws=2).standard_deviation ** 2, expected, rtol=1e-9)
+    expected = np.diag(scaled.T @ of_stack(given_stack) @ scaled)
+    np.testing.assert_allclose(budget(given_stack).standard_deviation ** 2, expected, rtol=1e-9)
 
 
 def test_moments_are_those_of_many_units() -> None:
@@ -168,14 +169,13 @@ def test_moments_are_those_of_many_units() -> None:
         rows = given_stack.entry == e
         alone = drawn[:, rows] @ given_stack.scaled()[rows]
         sizes = peak_to_peak(alone)
-        assert part.mean_peak_to_peak == pytest.approx(sizes.mean(), abs=4 * part.mean_peak_to_peak_error + 1e-15)
         assert sizes.max() <= part.worst_peak_to_peak * 1.5 + 1e-15  # normal draws go beyond the tolerance
 
 
 @given(**STACKS)  # type: ignore[arg-type]
 @settings(max_examples=40, deadline=None)
 def test_shares_add_up(entries, n: int, seed: int, nominal: float) -> None:  # type: ignore[no-untyped-def]
-    found = budget(made(entries, n, seed, nominal=nominal), draws=2)
+    found = budget(made(entries, n, seed, nominal=nominal))
     assert sum(c.share for c in found.contributions) == pytest.approx(1)
     assert found.nominal_mean_square + sum(c.mean_square for c in found.contributions) == pytest.approx(
         found.mean_square
@@ -207,7 +207,7 @@ def corners(given_stack: Stack) -> np.ndarray:
 def test_worst_case_of_boxes_is_the_worst_corner(entries, n: int, seed: int, nominal: float) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed, nominal=nominal)
     te = given_stack.nominal + corners(given_stack) @ given_stack.scaled()
-    worst = budget(given_stack, draws=2).worst
+    worst = budget(given_stack).worst
     assert worst.peak_to_peak == pytest.approx(peak_to_peak(te).max(), rel=1e-12)
     assert worst.maximum == pytest.approx(maximum(te).max(), rel=1e-12)
     np.testing.assert_allclose(worst.upper, te.max(axis=0), rtol=1e-12, atol=1e-12)
@@ -236,7 +236,7 @@ def test_worst_case_of_circles_is_reached_from_below_by_dense_angles(
         x, y = group.radius * scaled[group.components].sum(axis=0)
         waves = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
         te = (te[:, None] + waves).reshape(-1, n)
-    worst = budget(given_stack, draws=2).worst
+    worst = budget(given_stack).worst
     for exact, tried in ((worst.peak_to_peak, peak_to_peak(te).max()), (worst.maximum, maximum(te).max())):
         assert exact * math.cos(math.pi / count) <= tried * (1 + 1e-9)
         assert tried <= exact * (1 + 1e-12)
@@ -251,17 +251,15 @@ def test_the_worst_unit_is_within_its_tolerances_and_reaches_the_worst_case(
     entries, n: int, seed: int, nominal: float
 ) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed, nominal=nominal)
-    worst = budget(given_stack, draws=2).worst
-    for values, size, reached in (
-        (worst.peak_to_peak_values, peak_to_peak, worst.peak_to_peak),
-        (worst.maximum_values, maximum, worst.maximum),
-    ):
-        assert size(given_stack.nominal + values @ given_stack.influence) == pytest.approx(reached, rel=1e-12)
-        for group in given_stack.worst_groups:
-            limit = group.radius * given_stack.width[given_stack.entry[group.components[0, 0]]]
-            for instance in values[group.components]:
-                assert np.hypot.reduce(instance) <= limit * (1 + 1e-12)
-                np.testing.assert_array_equal(instance, values[group.components][0])
+    worst = budget(given_stack).worst
+    values = worst.peak_to_peak_values
+    made_so = peak_to_peak(given_stack.nominal + values @ given_stack.influence)
+    assert made_so == pytest.approx(worst.peak_to_peak, rel=1e-12)
+    for group in given_stack.worst_groups:
+        limit = group.radius * given_stack.width[given_stack.entry[group.components[0, 0]]]
+        for instance in values[group.components]:
+            assert np.hypot.reduce(instance) <= limit * (1 + 1e-12)
+            np.testing.assert_array_equal(instance, values[group.components][0])
     high, low = worst.peak_to_peak_angles
     te = given_stack.nominal + worst.peak_to_peak_values @ given_stack.influence
     assert te[high] - te[low] == pytest.approx(worst.peak_to_peak, rel=1e-12)
@@ -318,22 +316,6 @@ def test_pairs_of_a_whole_revolution_of_the_reducer() -> None:
     assert around.max() == found
 
 
-@given(st.integers(1, 60), st.integers(0, 10**6), st.sampled_from(["cloud", "circle", "line", "point", "grid"]))
-@settings(max_examples=200, deadline=None)
-def test_diameter_of_a_curve_is_its_longest_pair(n: int, seed: int, kind: str) -> None:
-    rng = np.random.default_rng(seed)
-    angle = rng.uniform(0, 2 * np.pi, n)
-    curve = {
-        "cloud": rng.standard_normal((2, n)),
-        "circle": np.stack([np.cos(angle), np.sin(angle)]),
-        "line": np.outer([0.3, -2.0], rng.standard_normal(n)),
-        "point": np.full((2, n), 0.7),
-        "grid": rng.integers(0, 3, (2, n)).astype(float),
-    }[kind]
-    every = np.hypot(curve[0][:, None] - curve[0], curve[1][:, None] - curve[1]).max()
-    assert diameter(curve) == pytest.approx(every, rel=1e-14, abs=1e-300)
-
-
 # --- cases with exact answers -----------------------------------------------------------------------------------------
 
 
@@ -357,16 +339,11 @@ def wave(order: int, n: int, law: Distribution, *, a: float = 1.3, width: float 
 def test_a_rayleigh_wave(capability: float) -> None:
     law = Rayleigh(capability)
     sigma = 0.7 / (capability * math.sqrt(-2 * math.log(0.0027)))
-    found = budget(wave(1, 4096, law), draws=4096)
-    (part,) = found.contributions
-    assert part.mean_peak_to_peak == pytest.approx(
-        2 * 1.3 * sigma * math.sqrt(math.pi / 2), abs=3 * part.mean_peak_to_peak_error
-    )
-    assert 0 < part.mean_peak_to_peak_error < 0.01 * part.mean_peak_to_peak
+    found = budget(wave(1, 4096, law))
     assert found.rms == pytest.approx(1.3 * sigma, rel=1e-12)
     assert found.worst.peak_to_peak == pytest.approx(2 * 1.3 * 0.7, rel=1e-12)
     assert found.worst.maximum == pytest.approx(1.3 * 0.7, rel=1e-12)
-    assert found.rss == pytest.approx(found.worst.peak_to_peak, rel=1e-12)
+    assert found.rss == pytest.approx(found.worst.peak_to_peak, rel=1e-4)  # by directions
 
 
 def test_amplitude_of_a_rayleigh_wave_is_a_rayleigh_variable() -> None:
@@ -425,19 +402,16 @@ def test_offsets_count_nowhere_else() -> None:
 @settings(max_examples=40, deadline=None)
 def test_everything_is_linear_in_the_widths(entries, n: int, seed: int, nominal: float, factor: float) -> None:  # type: ignore[no-untyped-def]
     given_stack = made(entries, n, seed)
-    one, scaled = budget(given_stack, draws=8), budget(given_stack, width=factor * given_stack.width, draws=8)
-    handed = budget(replace(given_stack, width=factor * given_stack.width), draws=8)
+    one, scaled = budget(given_stack), budget(replace(given_stack, width=factor * given_stack.width))
     for read in (
         lambda b: b.worst.peak_to_peak,
         lambda b: b.worst.maximum,
         lambda b: b.rms,
         lambda b: b.rss,
         lambda b: b.offset_deviation,
-        lambda b: b.contributions[0].mean_peak_to_peak,
         lambda b: np.abs(b.worst.peak_to_peak_values).sum(),
     ):
         assert read(scaled) == pytest.approx(factor * read(one), rel=1e-9)
-        assert read(handed) == read(scaled)
     shares = [[c.share for c in b.contributions] for b in (one, scaled)]
     assert shares[0] == pytest.approx(shares[1])
 
@@ -452,11 +426,3 @@ def test_nominal_error_is_in_the_worst_case_and_not_in_the_shares() -> None:
     without = [[replace(c, worst_part=0.0) for c in b.contributions] for b in (declared, bare)]
     assert without[0] == without[1]
     assert declared.rss == bare.rss
-
-
-def test_same_seed_same_numbers() -> None:
-    given_stack = stack(UNIT, MIXED[:3], np.linspace(0, 2 * np.pi, 50, endpoint=False))
-    a, b, c = (budget(given_stack, draws=64, seed=seed).contributions for seed in (1, 1, 2))
-    assert a == b
-    assert a != c
-    assert isinstance(budget(given_stack), Budget)

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 import rverror
 from rverror.base.errors import InputError
-from rverror.tolerances.allocation import allocate
+from rverror.tolerances.allocation import cost_front
 from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
 from rverror.tolerances.constraints import WorstPeakToPeak
@@ -21,6 +21,7 @@ from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Scalar, Uniform, normal_correlation
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
+from stack_covariance import of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = 2 * np.pi * np.arange(240) / 240
@@ -63,7 +64,7 @@ def test_variance_is_that_of_the_correlated_values_and_draws_have_it(
         covariance[i, j] = rho * sigmas[0] * sigmas[1]
     waves = given.influence
     expected = np.einsum("in,ij,jn->n", waves, covariance, waves)
-    closed = budget(given, draws=64)
+    closed = budget(given)
     np.testing.assert_allclose(closed.standard_deviation**2, expected, rtol=1e-9)
     assert sum(entry.share for entry in closed.contributions) == pytest.approx(1)
     deviating = waves - waves.mean(axis=1, keepdims=True)
@@ -76,7 +77,7 @@ def test_variance_is_that_of_the_correlated_values_and_draws_have_it(
     # 3.5 standard errors of a correlation of so many units; quasi-random draws are nearer
     np.testing.assert_allclose(np.cov(drawn.T) / sizes, covariance / sizes, atol=3.5 / 2**7)
     np.testing.assert_allclose(np.var(drawn @ waves, axis=0), expected, rtol=0.05)
-    np.testing.assert_allclose(given.covariance * np.outer(*[given.width[given.entry]] * 2), covariance, atol=1e-15)
+    np.testing.assert_allclose(of_stack(given) * np.outer(*[given.width[given.entry]] * 2), covariance, atol=1e-15)
 
 
 def test_errors_that_are_each_others_opposite_cancel() -> None:
@@ -89,7 +90,7 @@ def test_errors_that_are_each_others_opposite_cancel() -> None:
         ],
         THETA,
     )
-    assert np.abs(budget(opposite, draws=16).standard_deviation).max() < 1e-7 * np.abs(opposite.scaled()).max()
+    assert np.abs(budget(opposite).standard_deviation).max() < 1e-7 * np.abs(opposite.scaled()).max()
     drawn = opposite.standard(np.random.default_rng(2).random((64, opposite.dimensions)))
     np.testing.assert_allclose(drawn[:, 0], -drawn[:, 1], atol=1e-9)
 
@@ -103,7 +104,7 @@ def test_instances_go_together_whose_common_indices_are_alike() -> None:
     given = stack(UNIT, [pitch, bores], THETA)
     for i, j in itertools.product(range(2), range(2, 6)):
         same = given.components[i].indices["disc"] == given.components[j].indices["disc"]
-        assert given.covariance[i, j] == pytest.approx(0.5 / 9 if same else 0)
+        assert of_stack(given)[i, j] == pytest.approx(0.5 / 9 if same else 0)
 
 
 def three(value: float) -> list[rverror.tolerances.Tolerance]:
@@ -117,8 +118,8 @@ def three(value: float) -> list[rverror.tolerances.Tolerance]:
 
 
 def test_correlations_that_contradict_one_another_are_named() -> None:
-    """Three values cannot all be opposites: the least eigenvalue of three is 1 - 2 * 0.8, and 1/1.6 of it would do."""
-    with pytest.raises(InputError, match=r"'a', 'b', 'c' contradict .* but 0\.62 times"):
+    """Three values cannot all be opposites: the least eigenvalue of three is 1 - 2 * 0.8."""
+    with pytest.raises(InputError, match=r"'a', 'b', 'c' contradict one another"):
         stack(UNIT, three(-0.8), THETA)
     assert stack(UNIT, three(-0.5), THETA).dependence is not None  # singular, but there are such parts
 
@@ -161,8 +162,6 @@ def test_what_is_correlated_has_no_sobol_index_of_its_own() -> None:
     indices = stack_indices(given, count=256)
     assert np.isnan(indices.first[:3]).all()
     assert indices.total[3] > 0.9  # the others only move the offset
-    with pytest.raises(InputError, match=r"'rms'.*'yield'"):
-        allocate(given, limit="9 arcsec", kind="rms", verify=1000)
 
 
 def test_normal_variables_between_two_laws() -> None:
@@ -211,7 +210,7 @@ def test_no_corner_of_skewed_limits_is_beyond_the_worst_case_and_one_is_there(se
 def budget_of_numbers(given: Stack):  # type: ignore[no-untyped-def]
     named = tuple(Component("any", {"i": i}, "p", "length") for i in range(given.entry.size))
     full = Stack(**{**vars(given), "components": named})
-    closed = budget(full, draws=16)
+    closed = budget(full)
     parts = sum(entry.worst_part for entry in closed.contributions) + closed.worst.peak_to_peak_nominal
     assert parts == pytest.approx(closed.worst.peak_to_peak)
     for e, entry in enumerate(closed.contributions):
@@ -236,5 +235,6 @@ def test_allocation_at_the_worst_case_holds_skewed_limits(seed: int) -> None:
     limit = 0.6 * np.ptp(corners(given, given.width), axis=1).max() + 0.4 * np.ptp(given.nominal)
     costs = [Reciprocal(1.0, 1.0), Reciprocal(2.0, 1.0), Reciprocal(0.5, 1.0)]
     given = replace(given, choices=tuple(map(Choice, costs)))
-    found = allocate(given, limit=limit, kind="worst", verify=1000)
+    found = cost_front(given, [limit], kind="worst")[0].allocation
+    assert found is not None
     assert np.ptp(corners(given, np.array(found.widths)), axis=1).max() == pytest.approx(limit, rel=1e-9)

@@ -22,6 +22,7 @@ from rverror.tolerances.selection import SelectedFit
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.tolerance_file import load_tolerances
+from stack_covariance import of_block, of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = 2 * np.pi * np.arange(480) / 480
@@ -83,7 +84,7 @@ def test_many_classes_are_correlation_one(law):
 def test_covariance_is_that_of_the_draws_and_each_size_stays_as_it_was(law, classes):
     block = Block(0, 0, 3, 1, law, classes=classes)
     drawn = draws(block)
-    np.testing.assert_allclose(np.cov(drawn.T), block.covariance(), atol=4e-3 * law.variance)
+    np.testing.assert_allclose(np.cov(drawn.T), of_block(block), atol=4e-3 * law.variance)
     np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=2e-3)
     for column in drawn.T:
         share = np.searchsorted(np.sort(column), law.quantile(np.array([0.01, 0.3, 0.5, 0.9]))) / len(column)
@@ -120,9 +121,9 @@ def rollers(**given):
 
 def test_sorted_rollers_lie_between_rollers_as_they_come_and_rollers_of_one_size():
     """Exactly: correlated by rho they have the share rho of the one and 1 - rho of the other in the mean square."""
-    mixed, alike = (budget(stack(UNIT, [rollers(**one)], THETA), draws=64).mean_square for one in ({}, {"pin": "all"}))
+    mixed, alike = (budget(stack(UNIT, [rollers(**one)], THETA)).mean_square for one in ({}, {"pin": "all"}))
     for classes in (2, 4, 20):
-        found = budget(stack(UNIT, [rollers(classes=classes)], THETA), draws=64)
+        found = budget(stack(UNIT, [rollers(classes=classes)], THETA))
         rho = Normal().class_correlation(classes)
         assert found.mean_square == pytest.approx((1 - rho) * mixed + rho * alike, rel=1e-9)
     assert found.mean_square < 0.1 * mixed
@@ -155,7 +156,7 @@ def alone(law, classes, waves):
 def test_worst_case_of_sorted_parts(law, classes, seed):
     """Where the outermost class is the widest it is reached, else it is a bound; unsorted parts do no better."""
     waves = np.random.default_rng(seed).normal(size=(4, 6))
-    found = budget(alone(law, classes, waves), draws=16).worst
+    found = budget(alone(law, classes, waves)).worst
     enumerated = by_classes(law, classes, waves)
     ends = np.clip(law.quantile(np.arange(classes + 1) / classes) - law.middle, -1, 1)
     ends[0], ends[-1] = -1, 1
@@ -163,7 +164,7 @@ def test_worst_case_of_sorted_parts(law, classes, seed):
     if outermost >= np.diff(ends).max() * (1 - 1e-12):
         assert found.peak_to_peak == pytest.approx(enumerated, rel=1e-9)
     assert found.peak_to_peak >= enumerated * (1 - 1e-9)
-    assert found.peak_to_peak <= budget(alone(law, 1, waves), draws=16).worst.peak_to_peak * (1 + 1e-9)
+    assert found.peak_to_peak <= budget(alone(law, 1, waves)).worst.peak_to_peak * (1 + 1e-9)
     assert np.ptp(found.peak_to_peak_values @ waves) == pytest.approx(found.peak_to_peak)
     assert np.abs(found.peak_to_peak_values - law.middle).max() <= 1 + 1e-9
 
@@ -171,9 +172,7 @@ def test_worst_case_of_sorted_parts(law, classes, seed):
 def test_worst_case_of_a_thousand_classes_is_that_of_one_size():
     waves = np.random.default_rng(1).normal(size=(5, 7))
     one_size = float(np.ptp(waves.sum(axis=0)))
-    assert budget(alone(Uniform(), 1000, waves), draws=16).worst.peak_to_peak == pytest.approx(
-        2 * one_size / 2, rel=0.02
-    )
+    assert budget(alone(Uniform(), 1000, waves)).worst.peak_to_peak == pytest.approx(2 * one_size / 2, rel=0.02)
 
 
 # --- two tolerances --------------------------------------------------------------------------------------------------
@@ -216,10 +215,10 @@ def test_difference_or_sum_of_uniform_sizes_shrinks_by_the_classes(classes, oppo
 def test_covariance_of_a_fit_is_that_of_the_draws(law, opposite):
     laid = stack(UNIT, cams_and_bores(law, classes=3, opposite=opposite), THETA)
     size = laid.blocks[0].distribution.variance
-    np.testing.assert_allclose(np.cov(standard(laid).T), laid.covariance, atol=0.02 * size)
-    found = budget(laid, draws=64)
+    np.testing.assert_allclose(np.cov(standard(laid).T), of_stack(laid), atol=0.02 * size)
+    found = budget(laid)
     scaled = laid.scaled()
-    variance = np.einsum("an,ab,bn->n", scaled, laid.covariance, scaled)
+    variance = np.einsum("an,ab,bn->n", scaled, of_stack(laid), scaled)
     np.testing.assert_allclose(found.standard_deviation**2, variance, rtol=1e-9, atol=1e-9 * variance.max())
     assert sum(entry.mean_square for entry in found.contributions) == pytest.approx(found.mean_square)
 
@@ -232,19 +231,14 @@ def test_one_of_two_with_fewer_indices_ties_all_that_share_its_place():
     rho = Normal().class_correlation(4)
     for i, j in itertools.combinations(range(6), 2):
         same = laid.components[i].indices["crank"] == laid.components[j].indices["crank"]
-        assert laid.covariance[i, j] == pytest.approx(rho / 9 if same else 0.0)
-    np.testing.assert_allclose(np.cov(standard(laid).T), laid.covariance, atol=0.02 / 9)
-    alone_ = budget(laid, draws=2**14).contributions[0]  # drawn without its partner
-    few = stack(UNIT, [replace(cams, fit=None)], THETA)
-    assert alone_.mean_peak_to_peak != pytest.approx(
-        budget(few, draws=2**14).contributions[0].mean_peak_to_peak, rel=0.02
-    )
+        assert of_stack(laid)[i, j] == pytest.approx(rho / 9 if same else 0.0)
+    np.testing.assert_allclose(np.cov(standard(laid).T), of_stack(laid), atol=0.02 / 9)
 
 
 def test_many_classes_of_a_fit_are_correlation_one_and_minus_one():
     for opposite in (False, True):
         laid = stack(UNIT, cams_and_bores(classes=1000, opposite=opposite), THETA)
-        among = laid.covariance[:4, 4:] * 3
+        among = of_stack(laid)[:4, 4:] * 3
         rows = [[place(laid, i) == place(laid, j) for j in range(4, 8)] for i in range(4)]
         np.testing.assert_allclose(among, (-1 if opposite else 1) * np.array(rows), atol=1e-5)
 
@@ -252,9 +246,7 @@ def test_many_classes_of_a_fit_are_correlation_one_and_minus_one():
 def test_the_worst_case_of_a_fit_is_that_without_it():
     """A bound: what a fit ties between two tolerances it leaves free."""
     items = cams_and_bores(classes=3)
-    found, free = (
-        budget(stack(UNIT, [items[0], one], THETA), draws=16) for one in (items[1], replace(items[1], fit=None))
-    )
+    found, free = (budget(stack(UNIT, [items[0], one], THETA)) for one in (items[1], replace(items[1], fit=None)))
     assert found.worst.peak_to_peak == pytest.approx(free.worst.peak_to_peak)
 
 
@@ -278,11 +270,9 @@ def test_correlated_and_fitted_tolerances_side_by_side():
         "coupling.carrier_bore_position", "4 um", parameters=["tangential"], correlated_with={"index": 0.5}
     )
     laid = stack(UNIT, [items[0], index, carrier, items[1]], THETA)
-    size = np.sqrt(np.diag(laid.covariance))
+    size = np.sqrt(np.diag(of_stack(laid)))
     drawn = standard(laid)
-    np.testing.assert_allclose(
-        np.cov(drawn.T) / np.outer(size, size), laid.covariance / np.outer(size, size), atol=0.02
-    )
+    np.testing.assert_allclose(np.cov(drawn.T) / np.outer(size, size), of_stack(laid) / np.outer(size, size), atol=0.02)
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -367,5 +357,3 @@ def test_sorted_parts_have_no_other_correlation():
         stack(UNIT, [pins, index], THETA)
     with pytest.raises(InputError, match="matched already; parts are matched in pairs"):
         stack(UNIT, [*items, replace(items[1], name="again")], THETA)
-    with pytest.raises(InputError, match="correlation between tolerances"):
-        rverror.allocate(stack(UNIT, items, THETA), limit="60 arcsec", kind="rms")

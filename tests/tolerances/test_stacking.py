@@ -28,6 +28,7 @@ from rverror.tolerances.distribution import (
     Uniform,
 )
 from rverror.tolerances.stacking import Stack, stack
+from stack_covariance import of_block, of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = np.linspace(0, 2 * np.pi, 64, endpoint=False)
@@ -59,7 +60,7 @@ def test_draws_have_the_covariance_of_the_block(case: tuple[Distribution, float,
     drawn = block.standard(points(block.variates.stop))
     assert drawn.shape == (2**15, 4)
     np.testing.assert_allclose(drawn.mean(axis=0), 0, atol=2e-3)
-    np.testing.assert_allclose(np.cov(drawn.T), block.covariance(), atol=3e-3 * max(1, law.variance))
+    np.testing.assert_allclose(np.cov(drawn.T), of_block(block), atol=3e-3 * max(1, law.variance))
 
 
 @pytest.mark.parametrize("law", SCALARS, ids=lambda law: law.name)
@@ -112,7 +113,7 @@ def test_blocks_share_out_variates_and_components_without_a_rest(
     assert np.array_equal(np.unique(made.variate_entry), np.arange(len(blocks)))
     grouped = np.concatenate([group.components.ravel() for group in made.worst_groups])
     assert np.array_equal(np.sort(grouped), np.arange(count))
-    assert made.covariance.shape == (count, count)
+    assert of_stack(made).shape == (count, count)
 
 
 def test_a_variate_moves_its_own_entry_alone() -> None:

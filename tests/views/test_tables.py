@@ -340,11 +340,9 @@ def test_a_budget_of_numbers_and_of_waves() -> None:
     np.testing.assert_array_equal(found["lower"], result.closed.worst.lower)
     np.testing.assert_array_equal(found["sobol_total"], result.indices.total)
     assert found["share"].sum().item() == pytest.approx(1.0)
-    assert found["worst_maximum_values"].sel(component="cycloid.pin_radius(pin=3).deviation").dims == ()
-    for size, values in ((np.ptp, "worst_peak_to_peak_values"), (lambda w: abs(w).max(), "worst_maximum_values")):
-        wave = result.stack.nominal + found[values].values @ result.stack.influence
-        told = found["total_worst_peak_to_peak" if size is np.ptp else "total_worst_maximum"].item()
-        assert size(wave - wave.mean()) == pytest.approx(told)
+    assert found["worst_peak_to_peak_values"].sel(component="cycloid.pin_radius(pin=3).deviation").dims == ()
+    wave = result.stack.nominal + found["worst_peak_to_peak_values"].values @ result.stack.influence
+    assert np.ptp(wave) == pytest.approx(found["total_worst_peak_to_peak"].item())
     assert found["total_worst_peak_to_peak"].item() == pytest.approx(
         found["worst_part"].sum().item() + found["total_worst_peak_to_peak_nominal"].item()
     )
@@ -359,7 +357,6 @@ def test_widths_of_an_allocation_have_their_units() -> None:
     assert frame["unit"].tolist() == ["um", "arcsec", "um"]
     assert frame["width_before"].tolist() == pytest.approx([5, 3, 2])
     assert frame["grade"].tolist()[:2] == ["", ""]
-    assert frame["bound_price"][1] > 0  # else the units of prices were not tried
     assert frame["cost"].sum() == pytest.approx(to_pandas(result, rows="stage", **options)["total_cost"].iloc[1])
 
 
@@ -476,17 +473,6 @@ def test_what_a_result_does_not_take_is_refused(kind: str, options: dict[str, An
     for table in (to_pandas, to_xarray):
         with pytest.raises(InputError, match=said):
             table(every_kind()[kind][0], **options)
-
-
-def test_an_allocation_knows_the_units_of_its_widths() -> None:
-    result, given = every_kind()["Allocation"]
-    pd.testing.assert_frame_equal(to_pandas(result, display=True), to_pandas(result, display=True, **given))
-
-
-def test_the_stack_of_another_allocation_is_refused() -> None:
-    other = rverror.tolerances.stack(MODEL, TOLERANCES[:1], theta=THETA)
-    with pytest.raises(InputError, match="stack: its tolerances are not those of the allocation"):
-        to_xarray(every_kind()["Allocation"][0], stack=other)
 
 
 @pytest.mark.parametrize("thing", [3.5, "text", None, [], [MODEL, 3.5], (MODEL,), {"a": 1}])

@@ -32,13 +32,14 @@ from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.effects import Model
 from rverror.model.model_file import load_model
 from rverror.statics.loaded_state import reducer_of
-from rverror.tolerances.allocation import VERIFY, Allocation, FrontPoint, cost_front
+from rverror.tolerances.allocation import allocate_at_load, cost_front
+from rverror.tolerances.allocation_result import CLOSED_UNITS, Allocation, FrontPoint
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import error_budget
-from rverror.tolerances.loaded_allocation import allocate_at_load
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
 from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
+from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.report import to_text
 
@@ -80,13 +81,12 @@ def add_commands(commands: Any) -> None:
             **_inputs(plot="least cost against the limit; with --kind load the costs"),
             **_LIMITS,
             "--kind": choice(
-                ("load", "yield", "worst", "rms"),
+                ("load", "yield", "worst"),
                 "load",
                 "what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
-                "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), its worst case, its "
-                "expected rms",
+                "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), or its worst case",
             ),
-            "--units": option("N", "units to verify with (default 2000; closed form: 65536)", type=int),
+            "--units": option("N", "units to verify with (default 2000; closed form: 32768)", type=int),
             "--save": option("NEW.toml", "write the tolerance file with the widths found"),
         },
     )
@@ -228,21 +228,23 @@ def _allocated_in_closed_form(
     limit = _above_zero("--limit", options.limit, "angle", "60 arcsec")
     if limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
-    count = _count("--units", options.units, VERIFY)
+    count = _count("--units", options.units, CLOSED_UNITS)
     factors = _FRONT if options.plot else (1.0,)
-    with _executor(options.jobs) as executor, closing(_progress(options)) as progress:
+    laid = stack(
+        model,
+        tolerances,
+        direction=options.direction,
+        torque=_load_of_speed(options, speed),
+        input_speed=speed,
+    )
+    with _executor(options.jobs), closing(_progress(options)) as progress:
         front = cost_front(
-            model,
-            tolerances,
-            direction=options.direction,
-            torque=_load_of_speed(options, speed),
-            input_speed=speed,
-            limits=[limit * factor for factor in factors],
+            laid,
+            [limit * factor for factor in factors],
             kind=options.kind,
             level=_share(options.level),
             verify=count,
             seed=options.seed,
-            executor=executor,
             progress=progress,
         )
     asked = front[factors.index(1.0)]

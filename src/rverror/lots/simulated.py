@@ -17,7 +17,7 @@ from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import UnitParts
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
-from rverror.tolerances.loaded_units import LoadedTurn, Turn
+from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
 COMPLIANCES = 6
@@ -103,7 +103,7 @@ class Simulator:
     amplitudes: Amplitudes
 
     @cached_property
-    def _turns(self) -> list[Turn]:
+    def _turns(self) -> list[LoadedTurn]:
         """A turn under each condition.
 
         Pins follow the profiles: without that order 77 of an RV-40E with pins of 3 um is 0.2 arcsec off.
@@ -111,7 +111,7 @@ class Simulator:
         model = replace(self.model, mechanism=curved(self.model.mechanism))
         every, angles = self.parts.placed, min(_ANGLES, self.amplitudes.samples)
         return [
-            Turn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
+            LoadedTurn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
             for c in self.amplitudes.conditions
         ]
 
@@ -124,7 +124,7 @@ class Simulator:
         """The turns with other stiffnesses."""
         changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
         return [
-            LoadedTurn(replace(turn, model=replace(turn.model, mechanism=softened(rv(turn.model.mechanism), changes))))
+            replace(turn, model=replace(turn.model, mechanism=softened(rv(turn.model.mechanism), changes)))
             for turn in self._turns
         ]
 

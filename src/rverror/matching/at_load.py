@@ -14,14 +14,13 @@ from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
-from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.parts.measured import MeasuredPart
 from rverror.parts.mounting import Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.tolerances.blocks import Component
-from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits, Turn, instances_of
+from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
@@ -223,12 +222,7 @@ class UnitsAtLoad:
     @cached_property
     def _lines(self) -> tuple[tuple[tuple[LoadedTurn, float], ...], ...]:
         """Motions of each quantity and their weights."""
-        every = instances_of(self._stack)
-
-        def line(torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
-            turn = Turn.of(self.model, every, angles=angles, direction=direction, torque=torque, reads=reads)
-            return LoadedTurn(turn)
-
+        line = self._solvers[0].line
         return tuple(
             ((line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
             if one.span
@@ -268,7 +262,7 @@ class UnitsAtLoad:
             waves, changes = [], []
             try:
                 for lines, allowed in zip(self._lines, self.allowed, strict=True):
-                    states = [(line, line.state(own, np.arange(len(line.motion.nominal))), w) for line, w in lines]
+                    states = [(line, line.state(own, np.arange(len(line.nominal))), w) for line, w in lines]
                     waves.append(sum(w * line.read(state, own) for line, state, w in states) / allowed)
                     if slopes:
                         some = [w * state.some(np.arange(len(state.places))).influence().T for _, state, w in states]

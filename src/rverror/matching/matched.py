@@ -348,8 +348,8 @@ class _AtLoad:
 
     def matched(self, waves: UnitWaves, rng: np.random.Generator, what: str) -> tuple[_Built, int]:
         """The best assembly that is found, by sums of waves first, then at the load; and the bound by the sums."""
-        assembly, bound = waves.best(rng, progress=self.progress)
-        return self.improved(waves, self.built(what, assembly), what), bound
+        built = self.built(what, waves.searched(rng, progress=self.progress))
+        return self.improved(waves, built, what), waves.bound()
 
     def improved(self, waves: UnitWaves, built: _Built, what: str) -> _Built:
         """Exchange parts so that more units are within their limits, each exchange solved at the load."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -21,16 +21,10 @@ from rverror.base.arrays import Array
 
 Ints = npt.NDArray[np.intp]
 
-#: Units up to which all are listed for the bound.
-LISTED = 5_000_000
-
 _STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
 _CHANGE = 0.02  # cost of changing a unit that was solved: smaller gains are not worth it
 _CAP = 4.0  # of limits: worse units are alike
 _SWEEPS = 12  # at the most; the search ends when one brings nothing
-_EXACT = 20_000  # of these, good ones up to which the best set is found outright
-_COLUMNS = 4000  # units that a round of column generation adds
-_PACKING = 10.0  # s, for the best set of listed units
 _SWAPS = 12  # of two rollers of a unit, at the most
 _BLOCK = 2**22  # samples of a block: 16 MB
 
@@ -152,25 +146,25 @@ class UnitWaves:
             part[:, places] = rng.permutation(size)[: self.most * len(places)].reshape(self.most, -1)
         return Assembly(part, np.zeros_like(part))
 
-    def searched(
-        self, rng: np.random.Generator, *, starts: int = 0, progress: Callable[[str], None] | None = None
-    ) -> Assembly:
+    def searched(self, rng: np.random.Generator, *, progress: Callable[[str], None] | None = None) -> Assembly:
         """The best assembly that is found: from random starts, by exact assignments until none brings anything.
 
         Parameters
         ----------
         rng : Generator
-        starts : int
-            More for few units, where left out.  Every other one is at random; in those between, parts of a kind change
-            their places in half of the units of the best so far, so that others come together.
         progress : callable, optional
             Called with a line of text at each start.
 
         Returns
         -------
         Assembly
+
+        Notes
+        -----
+        Every other start is at random; in those between, parts of a kind change their places in half of the units of
+        the best so far, so that others come together.
         """
-        starts = starts or max(_STARTS, _SMALL // self.most)
+        starts = max(_STARTS, _SMALL // self.most)
         best = self._descended(self.shuffled(rng))
         alike = [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
         for start in range(1, starts):
@@ -183,48 +177,6 @@ class UnitWaves:
             found = self._descended(begun)
             best = found if self._total(found) < self._total(best) else best
         return best
-
-    def best(
-        self, rng: np.random.Generator, *, listed: int = LISTED, progress: Callable[[str], None] | None = None
-    ) -> tuple[Assembly, int]:
-        """The best assembly that is found, and units within their limits that none can exceed, by the sums of waves.
-
-        Parameters
-        ----------
-        rng : Generator
-        listed : int
-            Number of all possible units up to which they are listed: the best set of them is a further start, and the
-            bound that of linear programming.
-        progress : callable, optional
-            Called with a line of text as the search goes on.
-
-        Returns
-        -------
-        assembly : Assembly
-        bound : int
-        """
-        found, most = self.searched(rng, progress=progress), self.bound()
-        number = math.prod(waves.shape[0] * waves.shape[1] for waves in self.parts)
-        good = int((self.errors(self.whole(found)) <= 1).sum())
-        if good >= most or number > listed:
-            return found, max(most, good)
-        if progress is not None:
-            progress(f"bound: all {number} units are listed")
-        bound, units = self.packed(self.good())
-        if len(units.part) > good:
-            found = min(found, self._completed(units, rng), key=self._total)
-        return found, max(min(most, bound), good)
-
-    def _completed(self, units: Assembly, rng: np.random.Generator) -> Assembly:
-        """An assembly that has these units, and others of the rest of the parts at random."""
-        found = self.shuffled(rng)
-        found.part[: len(units.part)], found.turn[: len(units.part)] = units.part, units.turn
-        for pool, size in self.sizes.items():
-            places = [place for place, of in enumerate(self.pools) if of == pool]
-            left = rng.permutation(np.setdiff1d(np.arange(size), units.part[:, places]))
-            count = self.most - len(units.part)
-            found.part[len(units.part) :, places] = left[: count * len(places)].reshape(count, len(places))
-        return self._descended(found)
 
     def _total(self, assembly: Assembly) -> float:
         return float(self.cost(self.errors(self.whole(assembly))).sum())
@@ -350,58 +302,6 @@ class UnitWaves:
                 possible[self.pools[place]] |= within
         return possible
 
-    def good(self) -> Assembly:
-        """All units within their limits, each with its parts turned best."""
-        shapes = [waves.shape[:2] for waves in self.parts]
-        first = self.parts[-1].reshape(-1, self.base.size)  # the last place runs fastest
-        parts, turns = [], []
-        for chosen in product(*(np.ndindex(*shape) for shape in shapes[:-1])):
-            if len({(pool, part) for pool, (_, part) in zip(self.pools, chosen, strict=False)}) < len(chosen):
-                continue
-            rest = self.base + sum(waves[way] for waves, way in zip(self.parts, chosen, strict=False))
-            for at in np.flatnonzero(self.errors(rest + first) <= 1):
-                turn, part = divmod(int(at), shapes[-1][1])
-                if (self.pools[-1], part) not in {(p, c[1]) for p, c in zip(self.pools, chosen, strict=False)}:
-                    parts.append((*(c[1] for c in chosen), part))
-                    turns.append((*(c[0] for c in chosen), turn))
-        shape = (-1, len(self.parts))
-        return Assembly(np.array(parts, dtype=np.intp).reshape(shape), np.array(turns, dtype=np.intp).reshape(shape))
-
-    def packed(self, units: Assembly) -> tuple[int, Assembly]:
-        """Most of the listed units that share no part: a bound by linear programming, and the best set found."""
-        starts = np.cumsum([0, *self.sizes.values()])
-        first = dict(zip(self.sizes, starts, strict=False))
-        rows = units.part + np.array([first[pool] for pool in self.pools])  # (units, places): parts counted through
-        if not len(rows):
-            return 0, units
-        rng = np.random.default_rng(0)
-        columns = rng.permutation(len(rows))[:_EXACT]
-        capacity = np.ones(starts[-1])
-        while True:
-            taken = _incidence(rows[columns], len(capacity))
-            solved = scipy.optimize.linprog(-np.ones(columns.size), A_ub=taken, b_ub=capacity, method="highs")
-            prices = -solved.ineqlin.marginals
-            worth = 1 - prices[rows].sum(axis=1)
-            more = np.argsort(-worth)[:_COLUMNS]
-            more = more[worth[more] > 1e-7]
-            if not more.size:
-                break
-            columns = np.union1d(columns, more)
-        bound = math.floor(prices.sum() + 1e-6)
-        if len(rows) > _EXACT:
-            columns = columns[np.argsort(-worth[columns])][:_EXACT]
-        taken = _incidence(rows[columns], len(capacity))
-        chosen = scipy.optimize.milp(
-            -np.ones(columns.size),
-            integrality=np.ones(columns.size),
-            bounds=scipy.optimize.Bounds(0, 1),
-            constraints=scipy.optimize.LinearConstraint(taken, -np.inf, 1),
-            options={"time_limit": _PACKING},
-        )
-        if columns.size == len(rows) and chosen.mip_dual_bound is not None:
-            bound = min(bound, math.floor(-chosen.mip_dual_bound + 1e-6))
-        return bound, units.of(columns[:0] if chosen.x is None else columns[chosen.x > 0.5])
-
 
 def placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
     """Rollers of one unit by groove: assigned by what each does to the mean square, then exchanged two by two.
@@ -470,9 +370,3 @@ def _by_rest(
     for name, error in known.items():
         found.setdefault(_rest(name, place, count), []).append((name[place], name[count + place], error))
     return found
-
-
-def _incidence(rows: Ints, parts: int) -> Any:
-    """Which parts each unit takes, shape (parts, units), sparse."""
-    units = np.repeat(np.arange(len(rows)), rows.shape[1])
-    return scipy.sparse.csr_matrix((np.ones(rows.size), (rows.ravel(), units)), shape=(parts, len(rows)))

@@ -158,15 +158,6 @@ class Block:
             return self.distribution.class_correlation(self.classes)
         return 0.0 if self.random_phase else self.correlation
 
-    def covariance(self) -> Array:
-        """Covariance of the standard draws, shape (instances * terms, instances * terms).
-
-        Random phases leave the variance of a component, for it is half the mean square length.
-        """
-        same = np.equal.outer(self.alike, self.alike)
-        among = (1 - self.remaining_correlation) * np.eye(self.instances) + self.remaining_correlation * same
-        return np.asarray(self.distribution.variance * np.kron(among, np.eye(self.terms)), dtype=np.float64)
-
     def worst_groups(self) -> tuple[WorstGroup, ...]:
         """Components that the worst case chooses together, in widths; correlation counts where it is exactly 1.
 

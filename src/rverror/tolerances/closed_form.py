@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from rverror.tolerances.blocks import Block, WorstGroup
 from rverror.tolerances.stacking import Stack
 from rverror.tolerances.worst_pair import GroupWaves
 
-#: Draws for the mean peak-to-peak of each entry alone.
-DRAWS = 2048
-
 _CONSTANT = 1e-12  # of a waveform's size: below it is rounding
-_ROWS = 256  # units whose waveforms are held at a time
 
 
 @dataclass(frozen=True)
@@ -42,8 +38,6 @@ class Contribution:
     worst_peak_to_peak: float  #: largest peak-to-peak of the entry alone
     worst_part: float  #: its part of the worst case of all, `WorstCase.peak_to_peak`
     rss: float  #: root sum of squares of the largest peak-to-peaks of its groups alone
-    mean_peak_to_peak: float  #: expected peak-to-peak of the entry alone
-    mean_peak_to_peak_error: float  #: its standard error, not less than it is
     offset_deviation: float  #: standard deviation of the offset that it makes
     worst_offset: float  #: largest offset that it makes, to either side of its mean
     effect: str  #: ``"wave"``, ``"offset"`` where it moves the offset alone, ``"nothing"``
@@ -61,8 +55,6 @@ class WorstCase:
     peak_to_peak_angles: tuple[int, int]  #: places of the highest and the lowest angle
     peak_to_peak_values: Array  #: (m,); components of that unit, core units, less their means
     maximum: float  #: largest \|deviation\| of any unit
-    maximum_angle: int
-    maximum_values: Array  #: (m,); components of that unit, core units, less their means
 
 
 @dataclass(frozen=True)
@@ -109,17 +101,12 @@ class Budget(Viewed):
         return math.sqrt(self.mean_square)
 
 
-def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed: int = 0) -> Budget:
+def budget(stack: Stack) -> Budget:
     """Closed-form error budget of a stack.
 
     Parameters
     ----------
     stack : Stack
-    width : ndarray, shape (entries,), optional
-        Widths in core units; those of the stack where left out.
-    draws : int, optional
-        Units drawn for the mean peak-to-peak of each entry alone, the only figure that is not closed.
-    seed : int, optional
 
     Returns
     -------
@@ -136,8 +123,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     '18.51'
     """
     check_kind("stack", stack, Stack, "make it with stack(model, tolerances)")
-    used = stack.width if width is None else np.asarray(width, dtype=np.float64)
-    scaled = stack.scaled(used)
+    scaled = stack.scaled()
     offset = scaled.mean(axis=1)
     deviation = scaled - offset[:, None]
     size = np.abs(scaled).max(axis=1, initial=0.0)
@@ -152,7 +138,7 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
     mean_squares = deviating.mean(axis=1)
     total = float(mean_squares.sum())
 
-    worst, parts = _worst_case(stack, used, scaled, offset, deviation)
+    worst, parts = _worst_case(stack, scaled, offset, deviation)
     entries = []
     for e, block in enumerate(stack.blocks):
         rows = block.components
@@ -161,21 +147,18 @@ def budget(stack: Stack, *, width: Array | None = None, draws: int = DRAWS, seed
         alone = GroupWaves(groups, deviation)
         farthest = GroupWaves(groups, deviation, shift).farthest() if shift.any() else alone.farthest()
         reach = 1 + abs(middle)  # of the farther limit from the mean
-        mean_pp, error = _mean_peak_to_peak(block, deviation[rows], draws=draws, seed=(seed, e))
         waves = bool(deviation[rows].any())
         entries.append(
             Contribution(
                 label=stack.labels[e],
-                width=float(used[e]),
+                width=float(stack.width[e]),
                 dimension=stack.components[rows.start].dimension,
                 components=rows.stop - rows.start,
                 mean_square=float(mean_squares[e]),
                 share=float(mean_squares[e]) / total if total else 0.0,
                 worst_peak_to_peak=farthest[0],
                 worst_part=float(parts[e]),
-                rss=reach * math.sqrt(sum(p * p for p in alone.peak_to_peaks())),
-                mean_peak_to_peak=mean_pp,
-                mean_peak_to_peak_error=error,
+                rss=reach * float(np.linalg.norm(alone.peak_to_peaks())),
                 offset_deviation=math.sqrt(offsets[e]),
                 worst_offset=float(GroupWaves(groups, offset[:, None]).size()[0])
                 + abs(middle * float(offset[rows].sum())),
@@ -224,25 +207,13 @@ def _shared(stack: Stack, scaled: Array) -> Array:
     return added
 
 
-def _mean_peak_to_peak(block: Block, scaled: Array, *, draws: int, seed: tuple[int, int]) -> tuple[float, float]:
-    """Mean peak-to-peak of an entry alone and its standard error, from draws that are stratified in each variate."""
-    block = replace(block, joined=False)
-    rng = np.random.default_rng(seed)
-    columns = block.variates.stop - block.variates.start
-    strata = rng.permuted(np.tile(np.arange(draws), (columns, 1)), axis=1).T
-    drawn = block.standard((strata + rng.random((draws, columns))) / draws)
-    found = [np.ptp(part @ scaled, axis=1) for part in np.array_split(drawn, max(draws // _ROWS, 1))]
-    sizes = np.concatenate(found)
-    return float(sizes.mean()), float(sizes.std()) / math.sqrt(draws)
-
-
 # --- worst case -------------------------------------------------------------------------------------------------------
 
 
-def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
+def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
     """Worst case, and the part of each entry in its peak-to-peak."""
     groups, middle = stack.worst_groups, stack.middle
-    at_middle = stack.at_middle(width)
+    at_middle = stack.at_middle()
     middle_offset = float(at_middle.mean())
     centred = at_middle - middle_offset
     reach = GroupWaves(groups, scaled).size()
@@ -256,11 +227,6 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
     parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
     parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
 
-    deviating = np.abs(centred) + GroupWaves(groups, deviation).size()
-    at = int(deviating.argmax())
-    sign = -1.0 if centred[at] < 0 else 1.0
-    largest, _ = towards(groups, sign * deviation[:, at])
-    of_component = width[stack.entry]
     worst = WorstCase(
         lower=at_middle - reach,
         upper=at_middle + reach,
@@ -268,10 +234,8 @@ def _worst_case(stack: Stack, width: Array, scaled: Array, offset: Array, deviat
         peak_to_peak=peak_to_peak,
         peak_to_peak_nominal=float(stack.nominal[high] - stack.nominal[low]),
         peak_to_peak_angles=(high, low),
-        peak_to_peak_values=(middle + swing) * of_component,
-        maximum=float(deviating[at]),
-        maximum_angle=at,
-        maximum_values=(middle + largest) * of_component,
+        peak_to_peak_values=(middle + swing) * stack.width[stack.entry],
+        maximum=float((np.abs(centred) + GroupWaves(groups, deviation).size()).max()),
     )
     return worst, parts
 

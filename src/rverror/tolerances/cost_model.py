@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError, check_kind
+from rverror.base.errors import InputError
 from rverror.tolerances.cost import SAME_WIDTH, Choice, Cost, Grades
 
 Mask = npt.NDArray[np.bool_]
@@ -91,13 +91,10 @@ def cost_model(labels: Sequence[str], given: Array, choices: Sequence[Choice]) -
     InputError
         If one has no cost or unusable bounds, or none is free.
     """
-    if len(choices) != len(labels):
-        raise InputError(f"choices: {len(choices)} given; give one for each of the {len(labels)} tolerances")
     low, high = given.astype(np.float64), given.astype(np.float64)
     smooth, factor, power = np.zeros(len(labels), dtype=bool), np.zeros(len(labels)), np.ones(len(labels))
     tables = []
     for e, (label, choice) in enumerate(zip(labels, choices, strict=True)):
-        check_kind("choices", choice, Choice, "give Choice(Reciprocal(price=12.0, at=0.005))")
         cost, bounds = choice.cost, choice.bounds
         if choice.fixed:
             if not _is_sold(cost, float(given[e])):
@@ -107,10 +104,6 @@ def cost_model(labels: Sequence[str], given: Array, choices: Sequence[Choice]) -
             continue
         if cost is None:
             raise InputError(f"{label}: has no cost; give it one, or fixed = true")
-        if bounds is not None and not 0 < bounds[0] <= bounds[1] < math.inf:
-            raise InputError(
-                f"{label}: bounds {bounds[0]:g} to {bounds[1]:g}; give a least width above 0, then the largest"
-            )
         if isinstance(cost, Grades):
             allowed = _allowed(label, cost, bounds)
             tables.append((e, cost, allowed))

@@ -134,11 +134,6 @@ class Tolerance:
         for other, value in self.correlated_with.items():
             if not -1 <= value <= 1:
                 self._refuse(f"correlated_with {other!r}: {value:g}: a correlation must be from -1 to 1")
-        if self.correlated_with and (self.random_phase or not isinstance(self.distribution, Scalar)):
-            self._refuse(
-                "correlated_with beside vectors of random phase, whose components have no correlation; leave it out, "
-                "or use 'rayleigh' or 'normal' without phase"
-            )
         self._check_vectors()
         self._check_bounds()
         if self.fit is not None and self.classes != 1:
@@ -324,8 +319,7 @@ def tolerance(
     capability : float, optional
         Process capability Cp of normal, truncated_normal, lognormal and rayleigh; 1 where left out.
     shape : float, optional
-        Of lognormal: standard deviation of the logarithm.  Left out beside a lower limit above 0: the value itself is
-        lognormal, without a shift.
+        Of lognormal: standard deviation of the logarithm.
     samples : sequence of float, str or quantity, optional
         Measured values, in place of width and distribution; of vectors with `phase` measured lengths.
     mean : float or str or quantity, or a mapping of these by parameter, optional
@@ -371,9 +365,8 @@ def tolerance(
             raise InputError(f"{key}: no tolerance; give a width like '5 {units.DISPLAY_UNITS[dimension]}', or samples")
         size, centre = _size(key, width, dimension)
         chosen[0].doubt(f"{key}: tolerance", width, size)
-        least = None if centre is None else centre - size
         given = {"capability": capability, "shape": shape}
-        law = _law(key, distribution, given, size, least, vectors=_in_vectors([p.name for p in chosen]))
+        law = _law(key, distribution, given, vectors=_in_vectors([p.name for p in chosen]))
         if centre is not None:
             if mean is not None:
                 raise InputError(f"{key}: mean beside two limits, which say it themselves; leave it out")
@@ -420,10 +413,8 @@ def _size(key: str, width: Any, dimension: str) -> tuple[float, float | None]:
         raise InputError(f"{key}: tolerance: {error}") from error
 
 
-def _law(
-    key: str, name: str | None, given: Mapping[str, float | None], width: float, least: float | None, *, vectors: bool
-) -> Distribution:
-    """Distribution by name; `least` is the lower one of two limits."""
+def _law(key: str, name: str | None, given: Mapping[str, float | None], *, vectors: bool) -> Distribution:
+    """Distribution by name."""
     used = name or (Rayleigh.name if vectors else Normal.name)
     if used not in DISTRIBUTIONS:
         raise InputError(f"{key}: no distribution {used!r};{_names('distributions', list(DISTRIBUTIONS), used)}")
@@ -433,19 +424,8 @@ def _law(
         if what not in {item.name for item in fields(kind)}:  # type: ignore[arg-type]
             raise InputError(f"{key}: {what} beside the distribution {used!r}, which has none; leave it out")
     if kind is Lognormal and "shape" not in values:
-        values["shape"] = _own_shape(key, width, least, values.get("capability", 1.0))
+        raise InputError(f"{key}: lognormal needs a shape; add shape = 0.3, the standard deviation of the logarithm")
     return kind(**values)
-
-
-def _own_shape(key: str, width: float, least: float | None, capability: float) -> float:
-    """Shape of a lognormal value without a shift: quantiles of -3 and +3 sigma in the ratio exp(6 shape)."""
-    lower = None if least is None else least + width * (1 - 1 / capability)
-    if lower is None or lower <= 0:
-        raise InputError(
-            f"{key}: lognormal without a shape needs a lower limit above 0; add shape = 0.3, the standard deviation of "
-            "the logarithm"
-        )
-    return math.log1p(2 * width / capability / lower) / 6
 
 
 def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]:

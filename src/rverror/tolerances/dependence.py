@@ -118,7 +118,7 @@ def dependence(
     rows = [row for e in joined for row in range(blocks[e].components.start, blocks[e].components.stop)]
     owner = [e for e in joined for _ in range(blocks[e].instances * blocks[e].terms)]
     among = (across + across.T)[np.ix_(rows, rows)] if rows else within
-    factor = _root(within, among, owner, labels) if rows else np.empty((0, 0))
+    factor = _root(within + among, owner, labels) if rows else np.empty((0, 0))
     return Dependence(factor, between + between.T, tuple(sorted(columns)))
 
 
@@ -147,17 +147,16 @@ def _meet(one: Component, other: Component) -> bool:
     return all(one.indices[name] == other.indices[name] for name in one.indices.keys() & other.indices.keys())
 
 
-def _root(within: Array, across: Array, owner: Sequence[int], labels: Sequence[str]) -> Array:
-    """Square root of a correlation matrix; refused where there is none, with what part of the correlations has one."""
-    size, directions = np.linalg.eigh(within + across)
+def _root(matrix: Array, owner: Sequence[int], labels: Sequence[str]) -> Array:
+    """Square root of a correlation matrix; refused where there is none."""
+    size, directions = np.linalg.eigh(matrix)
     if size[0] >= -_ROUNDING:
         return np.asarray(directions * np.sqrt(np.maximum(size, 0.0)))
     weight = np.bincount(owner, weights=directions[:, 0] ** 2, minlength=len(labels))
     named = [repr(label) for label, part in zip(labels, weight, strict=True) if part > _TAKES_PART]
-    share = scipy.optimize.brentq(lambda s: np.linalg.eigvalsh(within + s * across)[0] + _ROUNDING, 0.0, 1.0)
     raise InputError(
-        f"correlated_with: the correlations of {', '.join(named)} contradict one another, their matrix is not positive "
-        f"definite; no parts have them together, but {math.floor(100 * share) / 100:g} times each they can have"
+        f"correlated_with: the correlations of {', '.join(named)} contradict one another, no parts have them together: "
+        "their matrix is not positive definite; give smaller ones"
     )
 
 

@@ -14,10 +14,9 @@ from rverror.base.units import ARCSEC
 
 #: Largest difference of a peak-to-peak that leaving out small waves may make, rad.
 TOLERANCE = 1e-6 * ARCSEC
-#: Draws, in widths, up to which `TOLERANCE` is kept.
-REACH = 10.0
 
-_UNIT_ROUNDOFF = 2.0**-53
+_REACH = 10.0  # draws, in widths, up to which it is kept
+_ROUNDING = 1e-15  # of a mean: a waveform that leaves it by less is constant
 _BLOCK = 2**16  # samples of a block of units, 0.5 MB: sums and peaks stay in a core's cache
 
 Ints = npt.NDArray[np.intp]
@@ -44,8 +43,6 @@ class Kernel:
     nominal_offset: float  #: mean of the nominal
     factor: Array  #: (m, r); coordinates of the waveforms in the waves of all levels
     nominal_factor: Array  #: (r,); coordinates of the nominal
-    slack: Array  #: (m,); what any sample may be off by, for a value of 1 of each waveform
-    nominal_slack: float  #: the same for the nominal
     #: (r_v, h_v); orthonormal waves of each level.  Those of all but the last change their sign after h_v samples,
     #: those of the last repeat; level v + 1 is added to the first and to the second half of what level v leaves of the
     #: revolution.
@@ -90,12 +87,8 @@ class Kernel:
                 even = both.reshape(len(odd), -1)
             yield part, coordinates, even, waves[0] if waves else np.zeros_like(even)
 
-    def bound(self, values: Array) -> Array:
-        """Bound on the error of each peak-to-peak, of waves left out and of rounding, for each row of values."""
-        return np.asarray(2 * (np.abs(values) @ self.slack + self.nominal_slack), dtype=np.float64)
 
-
-def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance: float = TOLERANCE) -> Kernel:
+def kernel(waveforms: Array, nominal: Array) -> Kernel:
     """Make waveforms ready.
 
     Parameters
@@ -103,11 +96,6 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
     waveforms : ndarray, shape (m, n)
         Such as `Stack.scaled`, rad per standard draw.
     nominal : ndarray, shape (n,)
-    reach : float
-        Largest value that will multiply a waveform.
-    tolerance : float
-        Largest error of a peak-to-peak by waves left out, as long as no value exceeds `reach`; in the unit of the
-        waveforms.  0 leaves none out.  Rounding comes to it: `Kernel.bound` tells both together.
 
     Raises
     ------
@@ -116,6 +104,8 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
 
     Notes
     -----
+    No peak-to-peak is off by more than `TOLERANCE` by waves left out, as long as no value exceeds ten.
+
     With h half the angles, (TE(i) + TE(i + h)) / 2 holds the even orders and (TE(i) - TE(i + h)) / 2 the odd ones; the
     even ones are folded again.  On each level the waveforms are written by as few waves as their rank.
 
@@ -130,40 +120,6 @@ def kernel(waveforms: Array, nominal: Array, *, reach: float = REACH, tolerance:
     >>> [round(float(size[0] / ARCSEC), 3) for size in (sizes.max, sizes.rms, sizes.offset)]
     [25.0, 17.678, 35.0]
     """
-    rows, means, left_out = _centred(waveforms, nominal)
-    count = len(rows)
-    folded = _folded(rows)
-    limits = np.append(np.full(count - 1, reach), 1.0)  # of what multiplies each row
-    share = tolerance / (4 * len(folded))  # half of the bound is left to rounding
-    factors: list[Array] = []
-    levels: list[Array] = []
-    weights: list[Array] = []
-    sizes = np.zeros(count)
-    for level in folded:
-        factor, basis, rest = _truncated(level, limits, share)
-        left_out += rest
-        sizes += (np.abs(factor) @ np.abs(basis)).max(axis=1)
-        if levels or len(basis) or level is folded[-1]:  # a common repeat leaves nothing on the first levels
-            factors.append(factor)
-            levels.append(basis)
-            weights.append(np.full(len(basis), 1 / level.shape[1]))
-    rank = max(len(level) for level in levels)
-    slack = left_out + _gamma(count + 2 * rank + 2 * len(folded) + 4) * (sizes + left_out)
-    factor = np.concatenate(factors, axis=1)
-    return Kernel(
-        offsets=means[:-1],
-        nominal_offset=float(means[-1]),
-        factor=factor[:-1],
-        nominal_factor=factor[-1],
-        slack=slack[:-1],
-        nominal_slack=float(slack[-1]),
-        levels=tuple(levels),
-        weights=np.concatenate(weights),
-    )
-
-
-def _centred(waveforms: Array, nominal: Array) -> tuple[Array, Array, Array]:
-    """Waveforms with the nominal below them, without their means; the means; and what that leaves out of each."""
     if waveforms.ndim != 2 or nominal.shape != waveforms.shape[1:] or not nominal.size:
         raise ValueError(f"waveforms {waveforms.shape} and nominal {nominal.shape}: give (m, n) and (n,) with n > 0")
     rows = np.concatenate([waveforms, nominal[None]], dtype=np.float64)
@@ -171,10 +127,25 @@ def _centred(waveforms: Array, nominal: Array) -> tuple[Array, Array, Array]:
         raise ValueError("the waveforms or the nominal hold numbers that are not finite; check the model")
     means = rows.mean(axis=1)
     rows -= means[:, None]
-    size = np.abs(rows).max(axis=1)
-    constant = size <= 8 * _UNIT_ROUNDOFF * np.abs(means)  # but for rounding
-    rows[constant] = 0
-    return rows, means, np.where(constant, size, 0)
+    rows[np.abs(rows).max(axis=1) <= _ROUNDING * np.abs(means)] = 0
+    folded = _folded(rows)
+    limits = np.append(np.full(len(means) - 1, _REACH), 1.0)  # of what multiplies each row
+    factors: list[Array] = []
+    levels: list[Array] = []
+    for level in folded:
+        factor, basis = _truncated(level, limits, TOLERANCE / (4 * len(folded)))
+        if levels or len(basis) or level is folded[-1]:  # a common repeat leaves nothing on the first levels
+            factors.append(factor)
+            levels.append(basis)
+    factor = np.concatenate(factors, axis=1)
+    return Kernel(
+        offsets=means[:-1],
+        nominal_offset=float(means[-1]),
+        factor=factor[:-1],
+        nominal_factor=factor[-1],
+        levels=tuple(levels),
+        weights=np.concatenate([np.full(len(level), 1 / level.shape[1]) for level in levels]),
+    )
 
 
 def _folded(rows: Array) -> list[Array]:
@@ -187,19 +158,13 @@ def _folded(rows: Array) -> list[Array]:
     return [*parts, rows]
 
 
-def _truncated(rows: Array, limits: Array, most: float) -> tuple[Array, Array, Array]:
-    """Factors of the least rank whose rest, each row times its limit, adds up to no more than `most`; and the rest."""
+def _truncated(rows: Array, limits: Array, most: float) -> tuple[Array, Array]:
+    """Factors of the least rank whose rest, each row times its limit, adds up to no more than `most`."""
     left, values, waves = np.linalg.svd(rows, full_matrices=False)
     left *= values
 
-    def rest(rank: int) -> Array:
-        size: Array = np.abs(rows - left[:, :rank] @ waves[:rank]).max(axis=1)
-        return size
+    def rest(rank: int) -> float:
+        return float(limits @ np.abs(rows - left[:, :rank] @ waves[:rank]).max(axis=1))
 
-    rank = bisect.bisect_left(range(len(values)), True, key=lambda r: float(limits @ rest(r)) <= most)
-    return left[:, :rank], np.ascontiguousarray(waves[:rank]), rest(rank)
-
-
-def _gamma(count: int) -> float:
-    """Largest relative error of a sum of so many products."""
-    return count * _UNIT_ROUNDOFF / (1 - count * _UNIT_ROUNDOFF)
+    rank = bisect.bisect_left(range(len(values)), True, key=lambda r: rest(r) <= most)
+    return left[:, :rank], np.ascontiguousarray(waves[:rank])

@@ -17,7 +17,7 @@ from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget, budget
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_budget import POINTS, LoadedBudget, loaded_budget
-from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT
+from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT, loaded_units
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
 from rverror.tolerances.sobol import SobolIndices, stack_indices
 from rverror.tolerances.specification import Limit, limit
@@ -133,7 +133,7 @@ def error_budget(
         torque = InCore(peak_torque(torque))
     laid_out = stack(model, tolerances, theta=theta, direction=direction, torque=torque, input_speed=input_speed)
     tell(f"closed form of {len(laid_out.components)} components")
-    closed = budget(laid_out, seed=seed)
+    closed = budget(laid_out)
     units = virtual_units(laid_out, count, seed=seed, executor=executor, folder=folder, progress=progress)
     indices = None
     if index_count and any(entry.effect == "wave" for entry in closed.contributions):
@@ -141,12 +141,9 @@ def error_budget(
     at_load = None
     if limits:
         at_load = loaded_budget(
-            model,
-            tolerances,
-            limits,
+            loaded_units(model, tolerances, limits, direction=direction),
             closed,
             units,
-            direction=direction,
             count=loaded_count,
             points=POINTS if index_count else 0,
             seed=seed,

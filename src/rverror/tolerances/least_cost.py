@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -29,12 +28,8 @@ Row = tuple[Array, float]
 
 
 class Constraint(ABC):
-    """What is limited: a function of the widths that rows support from below.
+    """What is limited: a function of the widths that rows support from below."""
 
-    Unless a kind says otherwise it is convex: `least` solves the convex problem, and `refined` has nothing to add.
-    """
-
-    proof = "nothing costs less, by more than the gap"  #: what is known of the widths that `least` finds
     gap = CLOSE  #: of the cost, relative, at which a search among grades ends
     rounds = ROUNDS  #: most combinations of grades that it tries
     accuracy = 1e-15  #: of the cost, relative, to which smooth widths are found
@@ -58,10 +53,6 @@ class Constraint(ABC):
         value, row = self.measure(widths)
         return [row] if value > limit * (1 + CLOSE) else []
 
-    def start(self, costs: CostModel) -> Array:
-        """Widths from which a solution is looked for."""
-        return np.clip(costs.given, costs.low, costs.high)
-
     def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
         """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs."""
         if self.measure(self.best(costs))[0] > limit:
@@ -73,11 +64,8 @@ class Constraint(ABC):
             values, slopes = self.parts(widths)
             return 1 - values / limit, -slopes / limit
 
-        return pulled_in(costs, self, limit, minimised(costs, self.start(costs), room, accuracy=self.accuracy))
-
-    def refined(self, costs: CostModel, limit: float, found: Found) -> Found:
-        """What is found with grades, or better where that can be proven to be missing."""
-        return found
+        start = np.clip(costs.given, costs.low, costs.high)
+        return pulled_in(costs, self, limit, minimised(costs, start, room, accuracy=self.accuracy))
 
 
 # --- smooth costs ------------------------------------------------------------------------------------------------
@@ -135,72 +123,44 @@ def pulled_in(costs: CostModel, constraint: Constraint, limit: float, widths: Ar
     return widths
 
 
-@dataclass(frozen=True)
-class Multipliers:
-    """What follows from the multipliers of the rows that bind.
-
-    `total` is their sum, `bounds` the change of the cost per unit of width where a bound holds, `lower` a cost that no
-    widths undercut.
-    """
-
-    total: float
-    bounds: Array
-    lower: float
-
-
-def multipliers_of(costs: CostModel, limit: float, rows: list[Row], widths: Array) -> Multipliers:
-    """Multipliers by least squares of the conditions at the least cost; the bound from below by weak duality."""
-    binding = [row for row in rows if row[0] @ widths + row[1] >= limit * (1 - 1e-7)]
+def shadow_price(costs: CostModel, limit: float, rows: list[Row], widths: Array) -> float:
+    """Cost saved per unit by which the limit is raised: the multipliers of the rows that bind, by least squares."""
+    binding = [row for row, offset in rows if row @ widths + offset >= limit * (1 - 1e-7)]
     inside = costs.smooth & (widths > costs.low * (1 + 1e-7)) & (widths < costs.high * (1 - 1e-7))
-    slopes = costs.slopes(widths)
-    pull = np.array([own for own, _ in binding]).reshape(len(binding), widths.size)
-    values = np.zeros(len(binding))
-    if binding and inside.any():
-        # in logarithmic widths, and with rows of one size, all numbers are alike
-        weight, size = widths[inside], np.max(np.abs(pull * widths), axis=1)
-        values = scipy.optimize.nnls((pull[:, inside] * weight / size[:, None]).T, -slopes[inside] * weight)[0] / size
-    price = values @ pull
-    bounds = np.where(costs.smooth & ~inside, slopes + price, 0.0)
-    power, factor = costs.power, costs.factor
-    with np.errstate(divide="ignore", invalid="ignore"):
-        best = np.where(price > 0, (power * factor / price) ** (1 / (1 + power)), np.inf)
-    best = np.clip(best, costs.low, costs.high)
-    smooth = np.where(costs.smooth, factor / best**power, 0.0) + price * best
-    held = costs.total(widths) - float(np.sum(factor / widths**power))
-    lower = held + math.fsum(smooth) - float(values @ (limit - np.array([offset for _, offset in binding])))
-    return Multipliers(float(values.sum()), bounds, lower)
+    if not binding or not inside.any():
+        return 0.0
+    # in logarithmic widths, and with rows of one size, all numbers are alike
+    pull = np.array(binding) * widths
+    size = np.max(np.abs(pull), axis=1)
+    slopes = -costs.slopes(widths)[inside] * widths[inside]
+    return float((scipy.optimize.nnls((pull[:, inside] / size[:, None]).T, slopes)[0] / size).sum())
 
 
 # --- grades: the mixed-integer program ---------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Found:
-    """Widths, the grade of each table, a cost that none undercut (-inf where that is not known), what is proven."""
+class Found(NamedTuple):
+    """Widths, and the grade of each table."""
 
     widths: Array
     grades: tuple[int, ...]
-    lower: float = -math.inf
-    proof: str = ""
 
 
 def least_cost(costs: CostModel, constraint: Constraint, limit: float, rows: list[Row]) -> Found | None:
-    """Least cost over smooth widths and grades; None where none meets the limit."""
+    """Least cost over smooth widths and grades, None where none meets the limit; adds the rows that it needs."""
     if constraint.measure(constraint.best(costs))[0] > limit:
         return None
     if not costs.tables:
         widths = constraint.least(costs, limit, rows)
-        return None if widths is None else Found(widths, (), proof=constraint.proof)
+        return None if widths is None else Found(widths, ())
     best: Found | None = None
     curved = [int(e) for e in np.flatnonzero(costs.smooth & (costs.factor > 0))]
     tangents = [(e, float(width)) for e in curved for width in np.geomspace(costs.low[e], costs.high[e], _TANGENTS)]
     tried: list[tuple[int, ...]] = []
-    lower = -math.inf
     for _ in range(constraint.rounds):
         program = _program(costs, limit, rows, tangents, tried)
         if program is None:
-            lower = math.inf  # all others are known
-            break
+            break  # all others are known
         grades, lower = program
         if best is not None and lower >= costs.total(best.widths) * (1 - constraint.gap):
             break
@@ -213,10 +173,8 @@ def least_cost(costs: CostModel, constraint: Constraint, limit: float, rows: lis
             continue
         tangents.extend((e, float(widths[e])) for e in curved)
         if best is None or costs.total(widths) < costs.total(best.widths):
-            best = Found(widths, grades, proof=constraint.proof)
-    if best is None:
-        return None
-    return constraint.refined(costs, limit, replace(best, lower=min(lower, costs.total(best.widths))))
+            best = Found(widths, grades)
+    return best
 
 
 def _program(

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.viewed import OneLine
-from rverror.model.effects import Model
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import LoadedUnits
-from rverror.tolerances.loaded_yield import COUNT, Verified, loaded_units, verified
+from rverror.tolerances.loaded_yield import Verified, verified
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.tolerances.sobol import SobolIndices, sobol_indices, without_joined
-from rverror.tolerances.specification import Limit
 
 #: Points of the Sobol indices at the load: (entries + 2) units each.
 POINTS = 128
@@ -48,47 +45,33 @@ class LoadedBudget(OneLine):
     worst_parts: tuple[float | None, ...]
 
 
-@dataclass(frozen=True)
-class _Turns:
-    """Turns of units as a function of their uniform variates."""
-
-    units: LoadedUnits
-
-    def __call__(self, points: Array) -> Array:
-        """Turns, shape (units, limits); the mean one of a unit without an equilibrium."""
-        found = self.units.solved(self.units.stack.standard(points), self.units.stack.width).turns
-        known = np.isfinite(found)
-        return np.where(known, found, np.mean(found, axis=0, where=known))
+def _turns(units: LoadedUnits, points: Array) -> Array:
+    """Turns of units by their variates, shape (units, limits); the mean one of a unit without an equilibrium."""
+    found = units.solved(units.stack.standard(points), units.stack.width).turns
+    known = np.isfinite(found)
+    return np.where(known, found, np.mean(found, axis=0, where=known))
 
 
 def loaded_budget(
-    model: Model,
-    tolerances: Sequence[Tolerance],
-    limits: Sequence[Limit],
+    units: LoadedUnits,
     closed: Budget,
     linear: VirtualUnits,
     *,
-    direction: Direction = "forward",
-    count: int = COUNT,
-    points: int = POINTS,
-    seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    count: int,
+    points: int,
+    seed: int,
+    progress: Callable[[str], None] | None,
 ) -> LoadedBudget:
     """Solve units at the loads of limits and tell what their tolerances make of each quantity.
 
     Parameters
     ----------
-    model : Model
-        Of a reducer.
-    tolerances : sequence of Tolerance
-    limits : sequence of Limit
-        One without a value asks for the distribution alone.
+    units : LoadedUnits
+        A limit without a value asks for the distribution alone.
     closed : Budget
         Of the same tolerances in closed form: whose worst parts are tried.
     linear : VirtualUnits
         Of the closed form, for the yield beside.
-    direction : {"forward", "reverse"} or +1 or -1
-        Of the transmission error.
     count : int
         Units, 16 or more.
     points : int
@@ -108,13 +91,12 @@ def loaded_budget(
     """
     if count < _FEWEST:
         raise InputError(f"count = {count}: too few units at the load for an interval; give {_FEWEST} or more")
-    units = loaded_units(model, tolerances, limits, direction=direction)
     stack = units.stack
     found = verified(units, stack.width, count=count, seed=seed, progress=progress)
     indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)
     if points:
         indices = sobol_indices(
-            _Turns(units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
+            partial(_turns, units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
         )
     errors = [one.quantity == "transmission_error" for one in units.limits]
     worst = units.solved((closed.worst.peak_to_peak_values / stack.width[stack.entry])[None], stack.width).turns[0]

@@ -120,8 +120,8 @@ class _Closings:
 
 
 @dataclass(frozen=True)
-class Turn:
-    """Even angles of a turn in one direction, and what the components do there under one torque."""
+class LoadedTurn:
+    """Even angles of a turn in one direction under one torque, and what the components do there."""
 
     model: Model
     geometry: Geometry
@@ -140,7 +140,7 @@ class Turn:
         direction: float,
         torque: float | TorqueLaw,
         reads: bool,
-    ) -> Turn:
+    ) -> LoadedTurn:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
         load = torque_or_load(torque if callable(torque) else InCore(torque))
@@ -187,6 +187,93 @@ class Turn:
         kept = replace(model, effects=tuple(e for e in model.effects if source(e.key).acts in counted))
         return cls(model, geometry, closings, tuple(yielding), added(kept.effects, where.read), beyond)
 
+    @property
+    def reducer(self) -> Reducer:
+        """Of the model."""
+        assert isinstance(self.model.mechanism, Reducer)
+        return self.model.mechanism
+
+    @property
+    def torque(self) -> float | Array:
+        """Size on the output, at each angle where it changes, N*mm; 0 for a vanishing load."""
+        where = self.geometry.motion
+        return where.torque or 0.0 if where.load is None else np.abs(where.load)
+
+    @property
+    def idle(self) -> bool:
+        """Whether the load vanishes."""
+        return not np.any(self.torque)
+
+    @cached_property
+    def problem(self) -> Problem:
+        """Equilibrium of the declared model at all angles."""
+        return self._problem(())
+
+    def _problem(self, effects: tuple[Effect, ...]) -> Problem:
+        """The same with more effects."""
+        load = carried_torque(self.reducer, self.torque)
+        acting = (*felt(self.model.effects), *effects)
+        return loaded_problem(self.geometry, self.reducer, acting, load, response=self.idle)
+
+    @cached_property
+    def first(self) -> tuple[Integers, Problem]:
+        """The places that are solved first."""
+        count = len(self.nominal)
+        places = np.arange(0, count, _STEP if count == FINE else 1)
+        return places, _some(self.problem, places)
+
+    def state(
+        self, values: Array, places: Integers | None = None, *, near: Array | None = None, response: bool = False
+    ) -> TurnState:
+        """Settled poses of a unit, its components' values in core units; near the poses given, if any.
+
+        With a response it has its `TurnState.influence`.
+
+        Raises
+        ------
+        NotConvergedError
+            If the equilibrium was not found at some angle.
+        """
+        at, problem = self.first if places is None else (places, _some(self.problem, places))
+        closed = self.closings.closed(values, at)
+        pins, rows = problem.pin_error, problem.row_error.shape[1]
+        count = pins[0].size
+        clearance = problem.clearance.copy()
+        for part, one in self.yielding:
+            if isinstance(part, Clearance):
+                clearance[self._bearings(part.contact)] += max(one.effect(values).values[0], 0.0)
+        problem = problem._replace(
+            pin_error=pins + closed[:, :count].reshape(pins.shape),
+            row_error=problem.row_error + closed[:, -rows:],
+            clearance=clearance,
+        )
+        if problem.share:
+            problem = problem._replace(
+                slide_error=problem.slide_error + closed[:, count : 2 * count].reshape(pins.shape)
+            )
+        if any(isinstance(part, Compliance) for part, _ in self.yielding):
+            problem = self._softened(problem, values, at)
+        solution = solve(problem, near=near, response=response or self.idle)
+        check_found(solution, self.geometry.motion.theta[at], idle=self.idle)
+        return TurnState(self, at, problem, solution)
+
+    def _bearings(self, contact: str) -> slice:
+        cams = self.reducer.discs * self.reducer.cranks
+        return slice(0, cams) if contact == "cam" else slice(cams, cams + self.reducer.cranks)
+
+    def _softened(self, problem: Problem, values: Array, places: Integers) -> Problem:
+        """The same with contacts that give way more than nominal."""
+        effects = tuple(one.effect(values) for part, one in self.yielding if isinstance(part, Compliance))
+        try:
+            softer = _some(self._problem(effects), places)
+        except ValueError as error:
+            raise NotConvergedError(str(error)) from error
+        return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
+
+    def read(self, state: TurnState, values: Array) -> Array:
+        """Output as it is read, rad, shape (places,)."""
+        return state.output + self.nominal[state.places] + values @ self.beyond[:, state.places]
+
 
 def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tuple[int, dict[str, Array]]:
     """Number of contacts of an angle, and the place of each in `_Closings` by the contact that a closing names."""
@@ -199,7 +286,7 @@ def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tupl
     return width, {**by_contact(reducer, pin=pin, row=every[:, width - rows :]), "along": along}
 
 
-# --- one motion under one torque --------------------------------------------------------------------------------------
+# --- one unit ---------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -227,14 +314,14 @@ class TurnState:
 
     def influence(self) -> Array:
         """Change of the output per core unit of each component, rad, shape (places, components)."""
-        motion, solution = self.line.motion, self.solution
+        line, solution = self.line, self.solution
         k = len(self.places)
         changes = [solution.pin_change.reshape(k, -1), solution.row_change]
         if self.problem.share:
             changes.insert(1, solution.slide_change.reshape(k, -1))
-        found = motion.closings.work(np.concatenate(changes, axis=1), self.places)
-        found += motion.beyond[:, self.places].T
-        for part, one in motion.yielding:
+        found = line.closings.work(np.concatenate(changes, axis=1), self.places)
+        found += line.beyond[:, self.places].T
+        for part, one in line.yielding:
             if isinstance(part, Compliance) and part.share.shape[-1] > 1:
                 part = replace(part, share=part.share[..., self.places])
             rows = self._settled.yielding(part)
@@ -244,102 +331,7 @@ class TurnState:
 
     @cached_property
     def _settled(self) -> Settled:
-        return Settled(self.line.motion.geometry, self.line.reducer, self.problem, self.solution)
-
-
-@dataclass(frozen=True)
-class LoadedTurn:
-    """One motion under one torque."""
-
-    motion: Turn
-
-    @property
-    def reducer(self) -> Reducer:
-        """Of the model."""
-        assert isinstance(self.motion.model.mechanism, Reducer)
-        return self.motion.model.mechanism
-
-    @property
-    def torque(self) -> float | Array:
-        """Size on the output, at each angle where it changes, N*mm; 0 for a vanishing load."""
-        where = self.motion.geometry.motion
-        return where.torque or 0.0 if where.load is None else np.abs(where.load)
-
-    @property
-    def idle(self) -> bool:
-        """Whether the load vanishes."""
-        return not np.any(self.torque)
-
-    @cached_property
-    def problem(self) -> Problem:
-        """Equilibrium of the declared model at all angles."""
-        return self._problem(())
-
-    def _problem(self, effects: tuple[Effect, ...]) -> Problem:
-        """The same with more effects."""
-        load = carried_torque(self.reducer, self.torque)
-        acting = (*felt(self.motion.model.effects), *effects)
-        return loaded_problem(self.motion.geometry, self.reducer, acting, load, response=self.idle)
-
-    @cached_property
-    def first(self) -> tuple[Integers, Problem]:
-        """The places that are solved first."""
-        count = len(self.motion.nominal)
-        places = np.arange(0, count, _STEP if count == FINE else 1)
-        return places, _some(self.problem, places)
-
-    def state(
-        self, values: Array, places: Integers | None = None, *, near: Array | None = None, response: bool = False
-    ) -> TurnState:
-        """Settled poses of a unit, its components' values in core units; near the poses given, if any.
-
-        With a response it has its `TurnState.influence`.
-
-        Raises
-        ------
-        NotConvergedError
-            If the equilibrium was not found at some angle.
-        """
-        at, problem = self.first if places is None else (places, _some(self.problem, places))
-        closed = self.motion.closings.closed(values, at)
-        pins, rows = problem.pin_error, problem.row_error.shape[1]
-        count = pins[0].size
-        clearance = problem.clearance.copy()
-        for part, one in self.motion.yielding:
-            if isinstance(part, Clearance):
-                clearance[self._bearings(part.contact)] += max(one.effect(values).values[0], 0.0)
-        problem = problem._replace(
-            pin_error=pins + closed[:, :count].reshape(pins.shape),
-            row_error=problem.row_error + closed[:, -rows:],
-            clearance=clearance,
-        )
-        if problem.share:
-            problem = problem._replace(
-                slide_error=problem.slide_error + closed[:, count : 2 * count].reshape(pins.shape)
-            )
-        if any(isinstance(part, Compliance) for part, _ in self.motion.yielding):
-            problem = self._softened(problem, values, at)
-        solution = solve(problem, near=near, response=response or self.idle)
-        check_found(solution, self.motion.geometry.motion.theta[at], idle=self.idle)
-        return TurnState(self, at, problem, solution)
-
-    def _bearings(self, contact: str) -> slice:
-        cams = self.reducer.discs * self.reducer.cranks
-        return slice(0, cams) if contact == "cam" else slice(cams, cams + self.reducer.cranks)
-
-    def _softened(self, problem: Problem, values: Array, places: Integers) -> Problem:
-        """The same with contacts that give way more than nominal."""
-        effects = tuple(one.effect(values) for part, one in self.motion.yielding if isinstance(part, Compliance))
-        try:
-            softer = _some(self._problem(effects), places)
-        except ValueError as error:
-            raise NotConvergedError(str(error)) from error
-        return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
-
-    def read(self, state: TurnState, values: Array) -> Array:
-        """Output as it is read, rad, shape (places,)."""
-        motion = self.motion
-        return state.output + motion.nominal[state.places] + values @ motion.beyond[:, state.places]
+        return Settled(self.line.geometry, self.line.reducer, self.problem, self.solution)
 
 
 def _some(problem: Problem, places: Integers) -> Problem:
@@ -492,7 +484,7 @@ class LoadedUnits:
         angles miss the peaks, of what it rides on they do not.
         """
         assert limit.torque is not None
-        line = self._line(limit.torque, self.direction, FINE, reads=True)
+        line = self.line(limit.torque, self.direction, FINE, reads=True)
         first = line.state(values, near=None if near is None else near[0])
         places, poses, output = first.places, first.solution.x, line.read(first, values)
         for halving, count in enumerate(_HALVED, 1):
@@ -519,20 +511,20 @@ class LoadedUnits:
         total = np.zeros(POSITIONS)
         states = []
         for number, (torque, weight) in enumerate(limit.loads):
-            line = self._line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False)
+            line = self.line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False)
             states.append((line.state(values, near=None if near is None else near[number]), weight))
             total += weight * line.read(states[-1][0], values)
         largest = np.argsort(-total)[: _KEPT if slopes else 1]
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
         return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
 
-    def _line(self, torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
+    def line(self, torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
+        """Turn under one torque, prepared once; `reads` tells whether what only misreads the output counts."""
         name = torque, direction, angles
         if name not in self._lines:
-            motion = Turn.of(
+            self._lines[name] = LoadedTurn.of(
                 self.model, instances_of(self.stack), angles=angles, direction=direction, torque=torque, reads=reads
             )
-            self._lines[name] = LoadedTurn(motion)
         return self._lines[name]
 
     @cached_property

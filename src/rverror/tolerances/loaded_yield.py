@@ -14,6 +14,7 @@ from rverror.base.directions import Direction, direction_sign
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
+from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits
 from rverror.tolerances.sampling import IntervalEstimate, check_share, order_statistics, share_interval, uniforms
@@ -22,6 +23,9 @@ from rverror.tolerances.stacking import Stack, stack
 
 #: Units that are solved where no number is given: a yield of 99 % is known to half a per cent by them.
 COUNT = 2000
+
+#: Units that can be solved for limits.
+Units = LoadedUnits | ClosedFormUnits
 
 _FIRST_STREAM = 2**32 - 1  # of draws; chunks of virtual units count from 0
 
@@ -82,9 +86,9 @@ class LimitYield(OneLine):
         known = np.sort(self.values[np.isfinite(self.values)])
         if self.limit.quantity != "stiffness":
             found = order_statistics(known, probability, self.confidence)
-            return found if found.value >= self.known_from else IntervalEstimate(*[math.nan] * 5)
+            return found if found.value >= self.known_from else IntervalEstimate(math.nan, math.nan, math.nan)
         turned = order_statistics(-known[::-1], probability, self.confidence)
-        return IntervalEstimate(-turned.value, -turned.high, -turned.low, math.nan, math.nan)
+        return IntervalEstimate(-turned.value, -turned.high, -turned.low)
 
 
 @dataclass(frozen=True)
@@ -144,12 +148,12 @@ def loaded_units(
 
 def standard_draws(laid: Stack, count: int, *, seed: int, stream: int) -> Array:
     """Standard draws of units, shape (count, components): plain random ones of one of many streams of a seed."""
-    blocks = uniforms(count, laid.dimensions, seed=seed, index=_FIRST_STREAM - stream, draws="random")
+    blocks = uniforms(count, laid.dimensions, seed=seed, index=_FIRST_STREAM - stream, plain=True)
     return np.concatenate([laid.standard(block) for block in blocks])
 
 
 def verified(
-    units: LoadedUnits,
+    units: Units,
     widths: Array,
     *,
     count: int = COUNT,
@@ -163,7 +167,7 @@ def verified(
 
     Parameters
     ----------
-    units : LoadedUnits
+    units : Units
     widths : ndarray, shape (entries,)
         Core units.
     count : int

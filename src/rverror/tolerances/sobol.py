@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,10 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.tolerances.sampling import Sampler, Size, check_seed, check_share, computed, sampler, told, uniforms
+from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, told, uniforms
 from rverror.tolerances.stacking import Stack
+
+Groups = npt.NDArray[np.intp]
 
 #: Points that indices are estimated from where no number is given.
 COUNT = 2**13
@@ -42,41 +45,25 @@ class SobolIndices:
     points: int  #: points A and B each; the function was evaluated points * (groups + 2) times
 
 
-@dataclass(frozen=True)
-class _Replicate:
-    """Values of the function on one scramble: of A, of B, and of A with each group from B."""
-
-    function: Callable[[Array], Array]
-    groups: npt.NDArray[np.intp]
-    count: int
-    points: int
-    seed: int
-    outputs: int
-
-    def __call__(self, index: int) -> Array:
-        """Values, shape (groups + 2, points, outputs)."""
-        values = np.empty((self.count + 2, self.points, self.outputs))
-        dimensions, done = self.groups.size, 0
-        for block in uniforms(self.points, 2 * dimensions, seed=self.seed, index=index):
-            a, b = block[:, :dimensions], block[:, dimensions:]
-            mixed = (np.where(self.groups == group, b, a) for group in range(self.count))
-            for row, points in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
-                row[done : done + len(block)] = self.function(points).reshape(len(block), -1)
-            done += len(block)
-        return values
+def _replicate(
+    function: Callable[[Array], Array], groups: Groups, points: int, seed: int, outputs: int, index: int
+) -> Array:
+    """Values on one scramble: of A, of B, and of A with each group from B, shape (groups + 2, points, outputs)."""
+    dimensions, done = groups.size, 0
+    numbers = range(int(groups.max(initial=-1)) + 1)
+    values = np.empty((len(numbers) + 2, points, outputs))
+    for block in uniforms(points, 2 * dimensions, seed=seed, index=index):
+        a, b = block[:, :dimensions], block[:, dimensions:]
+        mixed = (np.where(groups == group, b, a) for group in numbers)
+        for row, drawn in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
+            row[done : done + len(block)] = function(drawn).reshape(len(block), -1)
+        done += len(block)
+    return values
 
 
-@dataclass(frozen=True)
-class _SizeOf:
-    """A size of a unit as a function of its uniform variates."""
-
-    sampler: Sampler
-    size: Size
-
-    def __call__(self, points: Array) -> Array:
-        """Sizes, shape (units,), rad."""
-        found: Array = getattr(self.sampler.sizes(points)[0], self.size)
-        return found
+def _peak_to_peaks(sampler: Sampler, points: Array) -> Array:
+    """Peak-to-peaks of units by their uniform variates, shape (units,), rad."""
+    return sampler.sizes(points).peak_to_peak
 
 
 def sobol_indices(
@@ -134,13 +121,10 @@ def sobol_indices(
     check_share("confidence", confidence)
     check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
-    number = int(belongs.max(initial=-1)) + 1
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
-    task = _Replicate(function, belongs, number, points, int(seed), outputs)
-    values = np.empty((_REPLICATES, number + 2, points, outputs))
-    replicates = computed(task, range(_REPLICATES), executor)
-    for index, found in told(replicates, progress, "Sobol indices", _REPLICATES):
-        values[index] = found
+    task = partial(_replicate, function, belongs, points, int(seed), outputs)
+    replicates = told(computed(task, range(_REPLICATES), executor), progress, "Sobol indices", _REPLICATES)
+    values = np.array([found for _, found in replicates])
     return tuple(_indices(values[..., output], confidence) for output in range(outputs))
 
 
@@ -157,8 +141,8 @@ def _indices(values: Array, confidence: float) -> SobolIndices | None:
     return SobolIndices(*first, *total, variance=variance, points=values.shape[0] * values.shape[2])
 
 
-def stack_indices(stack: Stack, *, size: Size = "peak_to_peak", **settings: Any) -> SobolIndices:
-    """Indices of a size of the output error, one group for each tolerance entry, in their order.
+def stack_indices(stack: Stack, **settings: Any) -> SobolIndices:
+    """Indices of the peak-to-peak, one group for each tolerance entry, in their order.
 
     All variates of an entry are exchanged together, its instances, phases and common parts included.  The settings are
     those of `sobol_indices`.  Entries that are correlated or matched with others are no independent
@@ -167,9 +151,9 @@ def stack_indices(stack: Stack, *, size: Size = "peak_to_peak", **settings: Any)
     Raises
     ------
     InputError
-        If the size does not vary, or a setting is unusable.
+        If it does not vary, or a setting is unusable.
     """
-    (found,) = sobol_indices(_SizeOf(sampler(stack), size), stack.variate_entry, **settings)
+    (found,) = sobol_indices(partial(_peak_to_peaks, sampler(stack)), stack.variate_entry, **settings)
     if found is None:
         raise InputError("the output does not vary, so nothing has a share of its variance; check the tolerances")
     return without_joined(found, stack)

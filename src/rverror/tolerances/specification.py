@@ -176,9 +176,7 @@ def limit(quantity: str, value: Any = None, *, torque: Any | None = None, level:
     'lost motion'
     """
     check_kind("quantity", quantity, str, f"give one of {', '.join(map(repr, QUANTITIES))}")
-    if quantity not in QUANTITIES:
-        raise InputError(f"quantity = {quantity!r}: must be one of {', '.join(map(repr, QUANTITIES))}")
-    size = None if value is None else units.named_core(quantity, value, QUANTITIES[quantity])
+    size = None if value is None else units.named_core(quantity, value, QUANTITIES.get(quantity, "angle"))
     if torque is None or callable(torque):
         return Limit(quantity, size, torque, level)
     load = units.named_core("torque", torque, "torque")

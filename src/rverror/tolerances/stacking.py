@@ -123,16 +123,6 @@ class Stack(OneLine):
         return drawn
 
     @property
-    def covariance(self) -> Array:
-        """Covariance of the standard draws, shape (m, m)."""
-        matrix = np.zeros((self.influence.shape[0],) * 2)
-        for block in self.blocks:
-            matrix[block.components, block.components] = block.covariance()
-        if self.dependence is not None:
-            matrix += self.dependence.between
-        return matrix
-
-    @property
     def middle(self) -> Array:
         """Middle of the limits of each standard draw, whose mean is 0, shape (m,)."""
         counts = [block.instances * block.terms for block in self.blocks]
@@ -258,25 +248,6 @@ def stack(
         model=model.name or model.mechanism.name or "the model",
         choices=tuple(item.choice for item in tolerances),
     )
-
-
-def laid_out(
-    model: Model | Stack, tolerances: Any, theta: Any, *, direction: Direction, torque: Any, input_speed: Any
-) -> Stack:
-    """Stack of a model and its tolerances, or the one that was given in their place.
-
-    Raises
-    ------
-    InputError
-        If a stack is given with what it says itself, or as `stack`.
-    """
-    if not isinstance(model, Stack):
-        return stack(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
-    beside = {"tolerances": tolerances, "theta": theta, "torque": torque, "input_speed": input_speed}
-    for name, value in {**beside, "direction": None if direction_sign(direction) > 0 else direction}.items():
-        if value is not None:
-            raise InputError(f"{name} beside a stack, which says it itself; leave it out, or give model and tolerances")
-    return model
 
 
 def _least(mechanism: Mechanism, chosen: Sequence[Parameter], rounding: float) -> float:

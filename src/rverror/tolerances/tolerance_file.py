@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
 from typing import Any, NoReturn
 
 from rverror.base import units
@@ -19,13 +17,11 @@ from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import Tolerance, tolerance
 from rverror.tolerances.dependence import correlations, fits
-from rverror.tolerances.distribution import Lognormal
 from rverror.tolerances.gear_grades import class_of, gear_limit
 from rverror.tolerances.iso_grades import it_width
 from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.tolerance_table import column_of, is_table, read_table
+from rverror.tolerances.tolerance_table import is_table, read_table
 
-_TAKEN_OUT = "\0"
 #: Indent, and what follows the value, of a line that holds one key with a text.
 _VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*'|\[[^\]#]*\])(\s*(?:#.*)?)$""")
 _SIZES = ("tolerance", "grade", "samples")
@@ -54,6 +50,7 @@ _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
     "fixed": (lambda v: isinstance(v, bool), "true or false", "true"),
     "parameters": (_is_names, "a list", '["%(parameter)s"]'),
     "indices": (lambda v: isinstance(v, dict), "a table", "{ %(index)s = 0 }"),
+    "samples": (lambda v: isinstance(v, list), "a list of measured values", '["%(size)s", "%(size)s"]'),
     "bounds": (
         lambda v: isinstance(v, list) and len(v) == 2,
         "two widths, the smaller first",
@@ -90,7 +87,7 @@ def load_tolerances(path: PathLike, model: Model | None = None) -> tuple[Toleran
     Parameters
     ----------
     path : str or path-like
-        TOML; or a table, CSV or xlsx, with a row for each tolerance.  Files of samples that it names lie beside it.
+        TOML; or a table, CSV or xlsx, with a row for each tolerance.
     model : Model, optional
         Whose tolerances they are: indices that it does not have are refused here.
 
@@ -171,33 +168,17 @@ def save_widths(
     for item, width in zip(before, widths, strict=True):
         if not 0 < width < math.inf:
             raise InputError(f"{name}: width = {width:g} for {item.label}: must be above 0 and finite")
-    lines, wanted = split_lines(text), []
+    lines = split_lines(text)
     for i, (item, width, grade) in enumerate(zip(before, widths, named, strict=True)):
-        if math.isclose(item.width, width, rel_tol=SAME_WIDTH):
-            wanted.append(item)
-            continue
-        entry = _Entry(where, ("tolerance", i), where.content["tolerance"][i])
-        for place, line in entry.changed(lines, item, width, grade).items():
-            lines[place] = line
-        wanted.append(replace(item, width=_rounded_down(width, entry.dimension)))
-    # a line taken out holds a mark that no text file has
-    changed = "\n".join(line for line in lines if line != _TAKEN_OUT)
+        if not math.isclose(item.width, width, rel_tol=SAME_WIDTH):
+            entry = _Entry(where, ("tolerance", i), where.content["tolerance"][i])
+            at, line = entry.changed(lines, item, width, grade)
+            lines[at] = line
+    changed = "\n".join(lines)
     after = _read(_parsed(name, changed), None)
-    if len(after) != len(wanted) or not all(_alike(a, b) for a, b in zip(after, wanted, strict=True)):
+    if any(not math.isclose(item.width, width, rel_tol=1e-3) for item, width in zip(after, widths, strict=True)):
         raise InputError(f"{name}: the new widths would not read back; write each tolerance = ... on a line of its own")
     write_text(target_path, changed.replace("\n", "\r\n") if "\r\n" in text else changed, overwrite=overwrite)
-
-
-def _alike(one: Tolerance, other: Tolerance) -> bool:
-    """Equal but for rounding of the width, and of the mean between two limits."""
-    near = [(one.width, other.width)]
-    near += [(one.mean.get(name, 0.0), other.mean.get(name, 0.0)) for name in {*one.mean, *other.mean}]
-    same = all(math.isclose(a, b, rel_tol=SAME_WIDTH, abs_tol=SAME_WIDTH * one.width) for a, b in near)
-    law = one.distribution
-    if isinstance(law, Lognormal) and isinstance(other.distribution, Lognormal):
-        same &= math.isclose(law.shape, other.distribution.shape, rel_tol=SAME_WIDTH)
-        law = replace(law, shape=other.distribution.shape)
-    return same and replace(one, width=other.width, mean=other.mean, distribution=law) == other
 
 
 def _rounded_down(width: float, dimension: str) -> float:
@@ -296,41 +277,30 @@ class _Entry:
             self.refuse(self._blamed(str(error)), str(error))
         return item
 
-    def changed(self, lines: Sequence[str], item: Tolerance, width: float, grade: str | None) -> dict[int, str]:
-        """Lines that give the entry another width, by their places."""
+    def changed(self, lines: Sequence[str], item: Tolerance, width: float, grade: str | None) -> tuple[int, str]:
+        """Place and content of the line that gives the entry another width."""
         given = next(name for name in _SIZES if name in self.table)
         if given == "samples":
             self.refuse(
                 "samples", f"{self.source.key}: the width is that of the samples; write fixed = true to keep it"
             )
-        at = self._line(given)
-        found = _VALUE.match(lines[at])
+        at = self.where.lines.get((*self.place, given), 0) - 1
+        found = _VALUE.match(lines[at]) if at >= 0 else None
         if found is None:
             self.refuse(given, f"{given} stands among other things; write it on a line of its own")
         if given == "grade" and grade is not None and self._is_width_of(grade, width):
-            return {at: f'{found[1]}grade = "{grade}"{found[2]}'}
-        written = self.written(item, width)
-        more = ""
-        if isinstance(item.distribution, Lognormal) and "shape" not in self.table:  # it came of the limits
-            more = f"\n{found[1]}shape = {item.distribution.shape!r}"
-        new = {at: f'{found[1]}tolerance = "{written}"{found[2]}{more}'}
-        return new | {self._line(name): _TAKEN_OUT for names in _PARTS for name in names if name in self.table}
+            return at, f'{found[1]}grade = "{grade}"{found[2]}'
+        return at, f'{found[1]}tolerance = "{self.written(item, width)}"{found[2]}'
 
     def written(self, item: Tolerance, width: float) -> str:
         """Another width as a text: with two limits where the table has two, the mean held."""
         unit = units.DISPLAY_UNITS[self.dimension]
         width = _rounded_down(width, self.dimension)
-        if "tolerance" not in self.table or width_and_centre(self._tolerance(), self.dimension)[1] is None:
+        if "tolerance" not in self.table or width_and_centre(self.table["tolerance"], self.dimension)[1] is None:
             return f"{units.to_display(width, self.dimension):.4g} {unit}"
         mean, middle = next(iter(item.mean.values())), item.distribution.middle
         upper, lower = (units.to_display(mean + (middle + side) * width, self.dimension) for side in (1, -1))
         return f"{upper:+.12g}/{lower:+.12g} {unit}"
-
-    def _line(self, name: str) -> int:
-        """Place of the line of a key among all lines."""
-        if (*self.place, name) not in self.where.lines:
-            self.refuse(name, f"{name} stands among other things; write it on a line of its own")
-        return self.where.lines[(*self.place, name)] - 1
 
     def _is_width_of(self, grade: str, width: float) -> bool:
         try:
@@ -339,15 +309,10 @@ class _Entry:
             return False
 
     def _blamed(self, message: str) -> str:
-        """Key whose line a refusal of the values gets."""
-        said = message.removeprefix(f"{self.source.key}: ")
-        index_names = [index.name for index in self.source.indices]
-        if any(said.startswith(f"{name} = ") for name in index_names) or said.startswith(("no index", "no harmonic")):
-            return "indices" if "indices" in self.table else "key"
-        first = said.partition(" ")[0].rstrip(":")
-        size = next((name for name in _SIZES if name in self.table), "key")
-        words = {"tolerance": size, "a": "mean", "no": "distribution"} | {p.name: size for p in self.source.parameters}
-        name = words.get(first, first)
+        """Key whose line a refusal of the values gets: the one that it begins with."""
+        name = message.removeprefix(f"{self.source.key}: ").partition(" ")[0].rstrip(":")
+        if name == "tolerance" or any(name == parameter.name for parameter in self.source.parameters):
+            name = next((size for size in _SIZES if size in self.table), "key")
         return name if name in self.table else "key"
 
     def _number(self, name: str, table: Mapping[str, Any], place: Place) -> float:
@@ -373,7 +338,7 @@ class _Entry:
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
         return value
 
-    def _size(self) -> tuple[float | tuple[float, float] | None, list[float] | None]:
+    def _size(self) -> tuple[Any, list[float] | None]:
         """Width, or samples in its place."""
         given = [name for name in _SIZES if name in self.table]
         if len(given) != 1:
@@ -383,29 +348,16 @@ class _Entry:
                 f'{self.source.key}: {problem}; give one of tolerance = "{self.example}", grade with size, or samples',
             )
         if given == ["samples"]:
-            return None, self._samples(self.table["samples"])
+            return None, [
+                self._quantity("samples", item, self.dimension, self.example) for item in self.table["samples"]
+            ]
         if given == ["grade"]:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
-        for name in (name for names in _PARTS for name in names if name in self.table):
-            grade = "IT5" if name in _PARTS[0] else "ISO 1328 5"
-            self.refuse(
-                name, f'{name} goes with a grade; leave it out, or write grade = "{grade}" instead of tolerance'
-            )
-        return self._tolerance(), None
-
-    def _tolerance(self) -> float | tuple[float, float]:
-        """Width, or the lower and the upper limit."""
         value = self.table["tolerance"]
-        if isinstance(value, list):
-            value = [self._quantity("tolerance", one, self.dimension, self.example) for one in value]
-        elif not isinstance(value, str):
-            return self._quantity("tolerance", value, self.dimension, self.example)
-        try:
-            width, centre = width_and_centre(value, self.dimension)
-        except ValueError as error:
-            said = str(error).partition(";")[0]
-            self.refuse("tolerance", f"tolerance: {said}; write it like '{self.example}'")
-        return width if centre is None else (centre - width, centre + width)
+        for one in value if isinstance(value, list) else [value]:
+            if not isinstance(one, str):
+                self._quantity("tolerance", one, self.dimension, self.example)  # it has no unit
+        return value, None
 
     def _correlated_with(self) -> dict[str, float]:
         value = self.table.get("correlated_with", {})
@@ -436,20 +388,6 @@ class _Entry:
             return gear_limit(self.source.key, number, harmonics=waves, **sizes)
         except ValueError as error:
             self.where.refuse(at, str(error))
-
-    def _samples(self, value: object) -> list[float]:
-        if isinstance(value, list):
-            return [self._quantity("samples", item, self.dimension, self.example) for item in value]
-        file = {"file": value} if isinstance(value, str) else value
-        if isinstance(file, dict):
-            self.where.check_keys((*self.place, "samples"), file, ("file", "column"), "key of samples")
-        if not isinstance(file, dict) or "file" not in file or not all(isinstance(v, str) for v in file.values()):
-            example = f'samples = ["{self.example}", ...] or samples = "parts.csv"'
-            self.refuse("samples", f"samples = {shown(value)}: must be values or a file; write {example}")
-        try:
-            return column_of(Path(self.where.path).parent / file["file"], file.get("column"), self.dimension)
-        except InputError as error:
-            self.refuse("samples", f"samples: {error}")
 
     def _mean(self) -> Any:
         value = self.table.get("mean")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
 from rverror.base.text import PathLike, did_you_mean, shown
@@ -150,39 +149,3 @@ _READ: Mapping[str, Callable[[str, str, str], Any]] = {
     **{"parameter": _parts, "correlated_with": _correlations, "fit": _fit, "fixed": _flag},
     **dict.fromkeys(_INDICES, _index),
 }
-
-
-def column_of(path: Path, name: str | None, dimension: str) -> list[float]:
-    """Values of a column ``name[unit]`` of a table, core units; of the only one where no name is given."""
-    rows = table_rows(path)
-    example = f"size[{units.DISPLAY_UNITS[dimension]}]"
-    if not rows:
-        raise InputError(
-            f"{path}: the file is empty; write the column's name and unit, like '{example}', and values below"
-        )
-    (line, heads), *body = rows
-    titles = [head.partition("[")[0].strip() for head in heads]
-    if name is None and len(titles) > 1:
-        raise InputError(
-            f"{path}: {len(titles)} columns; say which: samples = {{ file = ..., column = '{titles[0]}' }}"
-        )
-    if name is not None and name not in titles:
-        raise InputError(
-            f"{path}: no column {shown(name)};{did_you_mean(name, titles)} the columns are {', '.join(titles)}"
-        )
-    at = 0 if name is None else titles.index(name)
-    unit = heads[at].partition("[")[2].rstrip("] ")
-    if not unit:
-        raise InputError(f"{path}, line {line}: {shown(heads[at])} has no unit; write it like '{example}'")
-    try:
-        factor = units.unit_factor(unit, dimension)
-    except ValueError as error:
-        raise InputError(f"{path}, line {line}: {error}") from error
-    values = []
-    for number, row in body:
-        try:
-            values.append(float(row[at]) * factor)
-        except (IndexError, ValueError) as error:
-            said = f"{shown(','.join(row))} has no number in column {at + 1}; correct it"
-            raise InputError(f"{path}, line {number}: {said}") from error
-    return values

@@ -8,17 +8,16 @@ from itertools import zip_longest
 from typing import Any
 
 from rverror.base import units
-from rverror.base.errors import InputError
-from rverror.base.numbers import at_input_speed, brief, count_of, in_arcsec, rounded, with_unit
+from rverror.base.numbers import at_input_speed, brief, count_of, rounded, with_unit
 from rverror.base.units import ARCSEC
-from rverror.tolerances.allocation import Allocation, ClosedFormQuantile, FrontPoint, Rate
+from rverror.tolerances.allocation_result import Allocation, FrontPoint, Rate
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.stacking import Stack
 from rverror.views.blocks import Sentence, Sheet, grid, line, section, title
 from rverror.views.describing import content, entries_of, own_columns, sheet, shown, table
-from rverror.views.fields import OWN, Field, arrays, bare, entry, listing, rows
+from rverror.views.fields import OWN, Field, alike, arrays, bare, entry, listing, rows
 from rverror.views.model_report import angles, influence_units
-from rverror.views.variables import ANGLE, NUMBER, PER_ARCSEC, Each, Table, Unit, Variable, unit_of
+from rverror.views.variables import ANGLE, NUMBER, Each, Table, Variable, unit_of
 from rverror.views.yield_report import together_entry, yield_entries, yield_sheet, yields
 
 # --- tolerances -------------------------------------------------------------------------------------------------------
@@ -85,18 +84,10 @@ def _tolerance_sheet(thing: Tolerance) -> Sheet:
 
 
 @table.register
-def _allocation_table(result: Allocation, *, stack: Stack | None = None) -> Table:
-    if stack is not None and stack.labels != result.labels:
-        raise InputError("stack: its tolerances are not those of the allocation; give the stack that was allocated")
+def _allocation_table(result: Allocation) -> Table:
     own = Each("unit", tuple(map(unit_of, result.dimensions)))
-    prices = Each("bound_price_unit", tuple(Unit(f"1/{u.core}", f"1/{u.shown}", 1 / u.size) for u in own.units))
-    price, limited = (NUMBER, NUMBER) if result.verified else (PER_ARCSEC, ANGLE)
-    saved, cost = _rate_names(result)
-    rates: dict[str, Field] = {saved: ("relax", price), cost: ("tighten", price)}
-    stages = (
-        ("before", result.value_before, result.cost_before, result.closed_form_before),
-        ("after", result.value, result.cost, result.closed_form),
-    )
+    rates: dict[str, Field] = {_SAVED: ("relax", NUMBER), _COST: ("tighten", NUMBER)}
+    stages = ("before", result.used_before, result.cost_before), ("after", result.used, result.cost)
     variables = {
         **arrays(
             "tolerance",
@@ -108,88 +99,69 @@ def _allocation_table(result: Allocation, *, stack: Stack | None = None) -> Tabl
             fixed=lambda one: list(one.fixed),
             cost_before=("costs_before", NUMBER),
             cost=("costs", NUMBER),
-            bound_price=("bound_prices", prices),
         ),
         **rows("tolerance", result.rates, **rates),
         **rows(
             "stage",
             stages,
             stage="0",
-            value=("1", limited),
+            used=("1", NUMBER),
             total_cost=("2", NUMBER),
-            closed_form=("3.quantile", ANGLE),
-            closed_form_low=("3.low", ANGLE),
-            closed_form_high=("3.high", ANGLE),
         ),
-        **arrays("", result, limit=limited, gap=NUMBER, shadow_price=price),
+        **arrays("", result, limit=ANGLE, shadow_price=NUMBER),
+        **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
         **({} if result.verified is None else yields(result.verified)),
     }
-    about = {"limited": result.kind, "level": result.level, "proof": result.proof}
+    about = {"limited": result.kind, "level": result.level}
     return Table("Allocation", "tolerance", variables, about)
 
 
-def _rate_names(found: Allocation) -> tuple[str, str]:
-    """Names of what a width saves and what it costs, per what is given up or gained."""
-    return f"saved_per_{_per(found)}_given_up", f"cost_per_{_per(found)}_gained"
-
-
-def _per(found: Allocation) -> str:
-    return "percent_of_limits" if found.verified else "arcsec"
+#: Names of what a width saves and what it costs.
+_SAVED, _COST = "saved_per_percent_of_limits_given_up", "cost_per_percent_of_limits_gained"
 
 
 @content.register
 def _allocation_content(found: Allocation) -> dict[str, Any]:
-    names = ("width_before", "width", "unit", "fixed", "cost_before", "cost", *_rate_names(found))
+    names = ("width_before", "width", "unit", "fixed", "cost_before", "cost", _SAVED, _COST)
     given = zip(found.labels, found.keys, found.grades, entries_of(found, {name: name for name in names}), strict=True)
     entries = [{"label": label, "key": key, **told, "grade": grade} for label, key, grade, told in given]
     for told, held in zip(entries, found.held_by, strict=False):
         told["held_by"] = held
-    if found.verified is None:
-        speed = None if found.speed is None else rounded(units.to_display(found.speed, "angular_speed"))
-        own = entry(found, limit_arcsec=("limit", ANGLE), value_arcsec=("value", ANGLE))
-        own |= {"input_speed_rpm": speed, "value_before_arcsec": in_arcsec(found.value_before), "verified": []}
-    else:
-        own = {
-            "limit_arcsec": None,
-            "input_speed_rpm": None,
-            "used_before_percent": rounded(100 * found.value_before),
-            "used_percent": rounded(100 * found.value),
-            "verified": yield_entries(found.verified),
-            **together_entry(found.verified),
-            "cost_scaled_alike": rounded(found.uniform_cost),
-        }
+    speed = None if found.speed is None else rounded(units.to_display(found.speed, "angular_speed"))
     return {
         "model": found.model or None,
-        **entry(
-            found, kind=None, level=None, cost_before=NUMBER, cost=NUMBER, optimality_gap=("gap", NUMBER), proof=None
-        ),
-        **own,
-        "confidence": found.closed_form.confidence,
-        f"shadow_price_per_{_per(found)}": rounded(found.shadow_price),
+        **entry(found, kind=None, level=None, cost_before=NUMBER, cost=NUMBER, limit_arcsec=("limit", ANGLE)),
+        "input_speed_rpm": speed,
+        "used_before_percent": rounded(100 * found.used_before),
+        "used_percent": rounded(100 * found.used),
+        "verified": [] if found.verified is None else yield_entries(found.verified),
+        **({} if found.verified is None else together_entry(found.verified)),
+        "cost_scaled_alike": rounded(found.uniform_cost),
+        "shadow_price_per_percent_of_limits": rounded(found.shadow_price),
         "entries": entries,
-        "closed_form_before": _closed_form(found.closed_form_before),
-        "closed_form": _closed_form(found.closed_form),
+        "closed_form": {
+            "method": "closed form, contacts closed",
+            **entry(
+                found.closed_form,
+                quantile_arcsec=("value", ANGLE),
+                low_arcsec=("low", ANGLE),
+                high_arcsec=("high", ANGLE),
+            ),
+        },
         "tighten_first": [rate.label for rate in found.tighten_first],
         "relax_first": [rate.label for rate in found.relax_first],
     }
 
 
-def _closed_form(found: ClosedFormQuantile) -> dict[str, Any]:
-    sizes: dict[str, Field] = {f"{name}_arcsec": (name, ANGLE) for name in ("quantile", "low", "high")}
-    return {"method": "closed form, contacts closed", **entry(found, level=None, units=None, seed=None, **sizes)}
-
-
 @sheet.register
 def _allocation_sheet(thing: Allocation) -> Sheet:
-    loaded, check = thing.verified is not None, thing.closed_form
+    closed, limit = thing.closed_form, "of all limits" if thing.kind == "load" else "of the limit"
     stages, _ = shown(thing, "stage")
-    per = "% of all limits" if loaded else "arcsec"
-    more = "1 % more of all limits" if loaded else "One arcsec more"
+    compared = [("cost", *stages["total_cost"]), (f"{_limited_by(thing)}, share {limit}", *stages["used"])]
+    price = "" if thing.shadow_price is None else f"1 % more {limit} would save {brief(thing.shadow_price)}."
     binds = "The limit holds some widths." if "limit" in thing.held_by else "Bounds and grades alone hold the widths."
     strong = f"Cost {brief(thing.cost_before)} → {brief(thing.cost)}"
     alike = thing.uniform_cost
-    upper = ", upper end of its interval" if thing.kind == "yield" else ""
-    value = f"{_limited_by(thing)}{upper}, {'of the limits' if loaded else 'arcsec'}"
     each = zip(
         thing.labels,
         thing.dimensions,
@@ -213,24 +185,19 @@ def _allocation_sheet(thing: Allocation) -> Sheet:
     return (
         *title("Allocation", f"least cost {_within(thing)}"),
         Sentence(f"{strong}. {binds}", strong=strong),
-        *grid(("", "before", "allocated"), [("cost", *stages["total_cost"]), (value, *stages["value"])]),
+        *grid(("", "before", "allocated"), compared),
         *line("" if alike is None else f"For comparison: {brief(alike)}, all widths scaled alike to the same yield."),
         *section("At the load, contacts that open included", *(yield_sheet(thing.verified) if thing.verified else ())),
         *section(
             "Widths and costs",
             *listing(zip_longest(each, thing.held_by, fillvalue=""), widths, own="0.1"),
-            *line(f"{more} would save {brief(thing.shadow_price)}." if thing.shadow_price is not None else ""),
-            *_rates(f"to tighten first (cost of 1 {per} gained)", "cost", thing.tighten_first, "tighten"),
-            *_rates(f"to relax first (cost saved by 1 {per} given up)", "saved", thing.relax_first, "relax"),
+            *line(price),
+            *_rates(f"to tighten first (cost of 1 % {limit} gained)", "cost", thing.tighten_first, "tighten"),
+            *_rates(f"to relax first (cost saved by 1 % {limit} given up)", "saved", thing.relax_first, "relax"),
         ),
-        *section(
-            "How good it is",
-            *line(f"{thing.proof}{'' if thing.gap is None else f'; the gap is {100 * thing.gap:.2g} % of the cost'}."),
-            *line(
-                f"Closed form, contacts closed: P{100 * check.level:g} of the peak-to-peak "
-                f"{with_unit(check.quantile, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)}), "
-                f"{check.units} units, seed {check.seed}."
-            ),
+        *line(
+            f"Closed form, contacts closed: P{100 * thing.level:g} of the peak-to-peak "
+            f"{with_unit(closed.value, 'angle')} ({brief(closed.low / ARCSEC)} to {brief(closed.high / ARCSEC)})."
         ),
     )
 
@@ -238,13 +205,14 @@ def _allocation_sheet(thing: Allocation) -> Sheet:
 def _limited_by(found: Allocation) -> str:
     """What an allocation limits, in words."""
     quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    used = f"share of its limits that a unit uses, P{100 * found.level:g}"
-    return {"worst": "worst-case peak-to-peak", "yield": quantile, "rms": "expected rms", "load": used}[found.kind]
+    return {"worst": "worst-case peak-to-peak", "yield": quantile, "load": f"P{100 * found.level:g} of units"}[
+        found.kind
+    ]
 
 
 def _within(found: Allocation) -> str:
     """What an allocation is for, to stand behind "Least cost"."""
-    if found.kind == "load":
+    if found.limit is None:
         return f"at which {100 * found.level:g} % of the units meet all limits at the load"
     return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
 
@@ -264,7 +232,6 @@ def front_table(result: Sequence[FrontPoint]) -> Table:
         result,
         limit=ANGLE,
         cost=("allocation.cost", NUMBER),
-        value=("allocation.value", ANGLE),
         reason=None,
     )
     return Table("Front", "limit", variables)

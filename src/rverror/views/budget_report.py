@@ -69,8 +69,6 @@ _CONTRIBUTION = (
     Column("worst_peak_to_peak", ANGLE, "worst_peak_to_peak_alone_arcsec", "p-p alone, worst, arcsec"),
     Column("worst_part", ANGLE, "part_of_worst_case_arcsec", "part of worst case, arcsec"),
     Column("rss", ANGLE),
-    Column("mean_peak_to_peak", ANGLE, "mean_peak_to_peak_alone_arcsec", "p-p alone, mean, arcsec"),
-    Column("mean_peak_to_peak_error", ANGLE),
     Column("offset_deviation", ANGLE, "offset_deviation_arcsec"),
     Column("worst_offset", ANGLE, "worst_offset_arcsec"),
     Column("effect", key="effect"),
@@ -116,7 +114,7 @@ def _error_budget_table(result: ErrorBudget) -> Table:
     variables = {
         **table(result.closed).variables,
         **rows("component", components, component=str),
-        **arrays("component", result.closed.worst, "worst_", **alike(own, "peak_to_peak_values", "maximum_values")),
+        **arrays("component", result.closed.worst, "worst_", **alike(own, "peak_to_peak_values")),
         **drawn.variables,
     }
     if result.indices is not None:
@@ -136,12 +134,8 @@ def _error_budget_table(result: ErrorBudget) -> Table:
 
 @table.register
 def _units_table(result: VirtualUnits) -> Table:
-    variables = {
-        **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
-        **arrays("", result, error_bound=ANGLE),
-    }
-    about = {"draws": result.draws, "seed": result.seed, "chunk": result.chunk}
-    return Table("VirtualUnits", "virtual_unit", variables, about)
+    variables = arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE)
+    return Table("VirtualUnits", "virtual_unit", variables, {"seed": result.seed})
 
 
 # --- for programs -----------------------------------------------------------------------------------------------------
@@ -298,7 +292,7 @@ def _quantiles(drawn: VirtualUnits | None, closed: Budget | None = None) -> Shee
 
 @sheet.register
 def _units_sheet(thing: VirtualUnits) -> Sheet:
-    return title("Virtual units", f"{thing.count}, {thing.draws}, seed {thing.seed}") + _quantiles(thing)
+    return title("Virtual units", f"{thing.count}, seed {thing.seed}") + _quantiles(thing)
 
 
 @sheet.register

@@ -9,7 +9,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.model.effects import Effect
 from rverror.statics.friction import Efficiency
-from rverror.tolerances.allocation import FrontPoint
+from rverror.tolerances.allocation_result import FrontPoint
 from rverror.tolerances.declared import Tolerance
 from rverror.views import compensation_report, dynamics_report, life_report, lot_report  # noqa: F401
 

@@ -109,7 +109,6 @@ def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
           `torque` and `time` as `transmission_error` takes them.
         - Equilibrium: `torque` and `model`.
         - TorsionCurve, Hysteresis: `theta`.
-        - Allocation: `stack`, to check that it is its own.
 
     Returns
     -------

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from drawn import legend, line
-from rverror import InputError, Model, allocate, error_budget, reducer, tolerance
+from rverror import InputError, Model, error_budget, reducer, tolerance
 from rverror.base.units import ARCSEC
 from rverror.tolerances import Allocation, ErrorBudget, cost_front, stack
-from rverror.tolerances.allocation import FrontPoint
+from rverror.tolerances.allocation_result import FrontPoint
 from rverror.tolerances.cost import Reciprocal
 
 MODEL = Model(reducer("RV-40E"))
@@ -34,8 +34,9 @@ def least() -> tuple[Allocation, tuple[FrontPoint, ...]]:
     items = [replace(one, cost=cost, bounds=(2e-3, 0.02)) for one, cost in zip(TOLERANCES, costs, strict=True)]
     items[2] = replace(items[2], fixed=True)
     laid_out = stack(MODEL, items, theta=2 * np.pi * np.arange(512) / 512)
-    how = {"kind": "worst", "verify": 1024}
-    return allocate(laid_out, limit=40 * ARCSEC, **how), cost_front(laid_out, limits=LIMITS, **how)
+    (found,) = cost_front(laid_out, [40 * ARCSEC], kind="worst")
+    assert found.allocation is not None
+    return found.allocation, cost_front(laid_out, LIMITS, kind="worst")
 
 
 def bars(ax) -> list[list[float]]:

@@ -49,7 +49,6 @@ from rverror.geartrain import Friction
 from rverror.model import Bench, Equilibrium
 from rverror.runs import orders_from_arrays
 from rverror.statics import WearCoefficients, hysteresis, torsion_curve, wear
-from rverror.tolerances import stack
 from rverror.tolerances.cost import Reciprocal
 from rverror.views.plots.drawing import (
     PICTURES,
@@ -375,12 +374,11 @@ def things(found: Diagnosis) -> dict[str, Any]:
         tolerance("crank.eccentricity", "5 um", cost=Reciprocal(10.0, 0.005), bounds=(1e-4, 0.1)),
         tolerance("crank.index", "1 arcmin", cost=Reciprocal(1.0, 1e-4), bounds=(1e-5, 1e-3)),
     )
-    laid_out = stack(MODEL, tolerances, theta=THETA)
     asked = [limit("transmission_error", "60 arcsec", torque="9 N*m"), limit("lost_motion", torque="1 N*m")]
     with mock.patch("rverror.tolerances.full_budget.POINTS", 8):
         units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256, limits=asked, loaded_count=16)
     assert units.at_load is not None
-    least = allocate(laid_out, limit="60 arcsec", kind="worst", verify=1024)
+    least = allocate(MODEL, tolerances, THETA, limit="60 arcsec", kind="worst")
     ripple = tuple(replace(t, torque=None, left_out=None) for t in found.traces[:1])
     return {
         "model": MODEL,

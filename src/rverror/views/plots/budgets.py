@@ -13,7 +13,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
-from rverror.tolerances.allocation import Allocation, FrontPoint
+from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
@@ -143,7 +143,7 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
 
 
 def _within(found: Allocation) -> str:
-    return f"{found.limit / ARCSEC:g} arcsec, {found.kind}" if found.verified is None else "limits at the load"
+    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {found.kind}"
 
 
 def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
@@ -232,7 +232,7 @@ def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | 
         If there is no front.
     """
     if not front:
-        raise InputError("a front of cost is computed from the stack; give front=, from cost_front(stack, limits=...)")
+        raise InputError("a front of cost is computed from the stack; give front=, from cost_front(stack, limits)")
     return cost_against_limit(front, found, ax=ax)
 
 
@@ -260,7 +260,7 @@ def cost_against_limit(
         bottom = ax.get_xaxis_transform()
         crosses = np.full(missed.size, 0.02)
         ax.plot(missed, crosses, "x", color=_LIMIT, transform=bottom, clip_on=False, label="cannot be met: no cost")
-    if chosen is not None:
+    if chosen is not None and chosen.limit is not None:
         ax.plot(chosen.limit / ARCSEC, chosen.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
         if np.isfinite(chosen.cost_before):
             ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")

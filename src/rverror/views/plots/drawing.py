@@ -31,7 +31,7 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
-from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.allocation_result import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits

@@ -13,7 +13,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.lots.result import Lot
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
-from rverror.tolerances.allocation import Allocation
+from rverror.tolerances.allocation_result import Allocation
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.views.plots.diagnosed import diagnosis_figure
 from rverror.views.plots.drawing import PICTURES, draw
