@@ -14,8 +14,8 @@ import rverror
 from pages import ROOT
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.views.plots import budgets as budget_plot
-from rverror.views.plots.drawing import to_bytes
+from rverror.views.plots.figure import to_bytes
+from rverror.views.plots.page_figures import figure_of
 
 EXAMPLES = ROOT / "examples"
 MODEL = '[reducer]\npreset = "RV-40E"\n'
@@ -165,7 +165,7 @@ def test_reverse_is_said_and_computed() -> None:
 
 def test_plots_have_units_on_their_axes(found: rverror.tolerances.ErrorBudget) -> None:
     limit = found.units.quantile(0.9).value
-    figure = budget_plot.budget_figure(found, limit=limit)
+    figure = figure_of(found, limit=limit)
     bars, histogram = figure.axes
     assert bars.get_xlabel().endswith("%")
     assert histogram.get_xlabel().endswith("arcsec")
