@@ -50,7 +50,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_what_it_prints_and_writes(place: Path, asked: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     Path("lot/units.csv").write_text("serial,machine\nu10,A\nu1,B\ngone,B\n", encoding="utf-8")
     files = ["--json", "lot.json", "--html", "lot.html", "--csv", "lot.csv", "--save", "made.toml"]
-    words = ["lot", "lot", "--model", "model.toml", "--tolerances", "tolerances.toml", "--seed", "3", "--progress"]
+    words = ["lot", "lot", "--model", "model.toml", "--tolerances", "tolerances.toml", "--seed", "3"]
     assert main([*words, *files]) == 0
     assert asked["units"].serials == ("u10", "u1", "u2")
     assert asked["units"].labels == {"machine": ("A", "B", "")}

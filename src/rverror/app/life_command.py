@@ -9,7 +9,6 @@ from contextlib import closing
 
 from rverror.app.terminal import (
     MAPPING,
-    PROGRESS,
     Progress,
     check_outputs,
     command,
@@ -29,7 +28,7 @@ from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 from rverror.tolerances.specification import QUANTITIES, Limit, limit
 
-_OUTPUTS = {**MAPPING, **results(), **PROGRESS}
+_OUTPUTS = {**MAPPING, **results()}
 
 
 @command(
@@ -58,7 +57,7 @@ def _trend(options: argparse.Namespace) -> None:
     paths = _listed(options, options.runs)
     model, mapping = load_model(options.model), given_mapping(options.mapping)
     runs = [read_run(path, model, mapping) for path in paths]
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = trend(model, runs, limit=wanted, progress=progress)
     write_results(found, options)
 
@@ -82,7 +81,7 @@ def _compare_runs(options: argparse.Namespace) -> None:
     mapping = given_mapping(options.mapping)
     model = None if options.model is None else load_model(options.model)
     before, after = ([read_run(path, model, mapping) for path in side] for side in sides)
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = compare_runs(before, after, model, progress=progress)
     write_results(found, options)
 
@@ -93,7 +92,7 @@ def _listed(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
         check_name(path)
     runs = run_files(paths, RUN_SUFFIXES if options.mapping else (".csv",))
     options.inputs += runs
-    check_outputs(options)
+    check_outputs(options.outputs, options.inputs)
     return runs
 
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 from rverror.app.batch import processes
 from rverror.app.terminal import (
     MAPPING,
-    PROGRESS,
     Progress,
     check_outputs,
     command,
@@ -75,7 +74,6 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
             default=3,
         ),
         "--seed": number("seed of the drawn units (default 0)", least=0, default=0),
-        **PROGRESS,
     },
 )
 def _lot(options: argparse.Namespace) -> None:
@@ -97,12 +95,12 @@ def _lot(options: argparse.Namespace) -> None:
     inputs = lot_inputs(options.parts, model, given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
     options.inputs += inputs.files
-    check_outputs(argparse.Namespace(inputs=[*options.inputs, *tables], outputs=options.outputs))
+    check_outputs(options.outputs, [*options.inputs, *tables])
     _check_apart(options.outputs, inputs)
     if options.compress is not None:
         _compress(inputs, options)
         return
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
@@ -126,7 +124,7 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
     with (
-        closing(Progress(terminal_only=not options.progress)) as progress,
+        closing(Progress()) as progress,
         _workers(options.jobs, inputs) as executor,
     ):
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)

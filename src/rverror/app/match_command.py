@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from rverror.app.terminal import (
-    PROGRESS,
     Progress,
     command,
     flag,
@@ -48,7 +47,6 @@ from rverror.views.report import to_csv
             default=[],
         ),
         "--seed": number("seed of the random assemblies (default 0)", default=0),
-        **PROGRESS,
         **results(),
         **save("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
     },
@@ -68,7 +66,7 @@ def _match(options: argparse.Namespace) -> None:
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
     for note in read.notes:
         tell(note)
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
     write_results(found, options)
     if options.save:

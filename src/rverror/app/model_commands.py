@@ -129,7 +129,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
         raise InputError(f"--torque: {twice[0]} is given twice; give each torque once")
     base = Path(options.output)
     paths = [str(base.with_name(f"{base.stem}-{label}{base.suffix}")) for label in labels]
-    check_outputs(argparse.Namespace(inputs=options.inputs, outputs=paths))
+    check_outputs(paths, options.inputs)
     return [*paths]
 
 
@@ -143,15 +143,16 @@ def _sources(options: argparse.Namespace) -> None:
     Lists all error sources that rverror knows: key, parameters, the part in which each is fixed, and the orders
     that it makes.
     """
+    rows = [_source_json(entry) for entry in CATALOGUE.values()]
     if options.json:
-        write_json(options.json, [_source_json(s) for s in CATALOGUE.values()])
+        write_json(options.json, rows)
         return
-    for entry in CATALOGUE.values():
-        indices = ", ".join(index.name for index in entry.indices) or "-"
-        names = ", ".join(f"{p.name} [{units.DISPLAY_UNITS[p.dimension]}]" for p in entry.parameters)
-        orders = ", ".join(f"{order:g}" for order in _example_orders(entry)) or "none: constant or cancels"
-        print(f"{entry.key}\n    {entry.summary}; {entry.reference}")
-        print(f"    fixed in: {entry.frame}; indices: {indices}; parameters: {names}; leading order, RV-40E: {orders}")
+    for row in rows:
+        indices = ", ".join(row["indices"]) or "-"
+        names = ", ".join(f"{p['name']} [{p['unit']}]" for p in row["parameters"])
+        orders = ", ".join(f"{order:g}" for order in row["orders_rv40e"]) or "none: constant or cancels"
+        print(f"{row['key']}\n    {row['summary']}; {row['reference']}")
+        print(f"    fixed in: {row['frame']}; indices: {indices}; parameters: {names}; leading order, RV-40E: {orders}")
 
 
 def _example_orders(entry: Source) -> tuple[float, ...]:

@@ -84,7 +84,7 @@ def _compare(options: argparse.Namespace) -> None:
     """
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
     options.inputs[1:1] = [str(told), str(told.with_name("case.npz"))]
-    check_outputs(options)
+    check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None
     run = read_run(options.theirs, case.ratio, given_mapping(options.mapping))

@@ -32,21 +32,17 @@ _PHASE = "412 N*m, 1815 rpm, 3 h"
 
 
 class Progress:
-    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then.
+    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
 
-    With `terminal_only` nothing is told where standard error is no terminal.
-    """
-
-    def __init__(self, *, terminal_only: bool = False) -> None:
+    def __init__(self) -> None:
         """Start the clock."""
         self.start = self.last = time.monotonic()
         self.terminal = sys.stderr.isatty()
-        self.silent = terminal_only and not self.terminal
 
     def __call__(self, text: str) -> None:
         """Tell what is being done."""
         now = time.monotonic()
-        if self.silent or now - self.start < 2 or (not self.terminal and now - self.last < 2):
+        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
             return
         self.last = now
         line = f"[{now - self.start:4.0f} s] {text}"
@@ -145,7 +141,6 @@ RUNS: Mapping[str, Option] = {
 MAPPING: Mapping[str, Option] = {
     "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
 }
-PROGRESS: Mapping[str, Option] = {"--progress": flag("show progress also where standard error is no terminal")}
 WIDTHS: Mapping[str, Option] = {
     "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
     "--gear-width": option('"8 mm"', "contact length of a planet gear on the sun", size="length", required=True),
@@ -216,7 +211,11 @@ def add_command(commands: Any, made: Command) -> None:
             given.as_written[dest] = value
             read = [_checked(names.split()[0], one, row) for one in values]
             setattr(given, dest, read if isinstance(value, list) else read[0])
-        check_outputs(given)
+        check_outputs(given.outputs, given.inputs)
+        if getattr(given, "plot", None):
+            from rverror.views.plots.figure import check_axes
+
+            check_axes(None)
         made.run(given)
 
     parser.set_defaults(run=begin)
@@ -231,20 +230,14 @@ def _checked(name: str, value: Any, row: Option) -> Any:
     return value
 
 
-def check_outputs(options: argparse.Namespace) -> None:
-    """Refuse, before any work, files that no message can name, outputs that cannot be written, and a picture without
-    what draws it.
-    """
-    for path in options.inputs:
+def check_outputs(outputs: Sequence[str], inputs: Sequence[str]) -> None:
+    """Refuse, before any work, files that no message can name and outputs that cannot be written."""
+    for path in inputs:
         check_name(path)
-    for path in options.outputs:
-        check_output(path, options.inputs)
-    if (twice := given_twice(options.outputs)) is not None:
+    for path in outputs:
+        check_output(path, inputs)
+    if (twice := given_twice(outputs)) is not None:
         raise InputError(f"{twice}: two outputs are this file, by name or by a link; give each its own")
-    if getattr(options, "plot", None):
-        from rverror.views.plots.figure import check_axes
-
-        check_axes(None)
 
 
 def read_runs(options: argparse.Namespace, model: Model) -> tuple[list[Run | OrderTable], list[Run | OrderTable]]:

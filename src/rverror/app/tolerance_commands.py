@@ -8,7 +8,6 @@ from contextlib import closing
 
 from rverror.app.terminal import (
     MODEL,
-    PROGRESS,
     WAY,
     Option,
     Progress,
@@ -83,8 +82,7 @@ def _inputs(*, plot: str) -> dict[str, Option]:
             size="angular_speed",
             least=0,
         ),
-        "--seed": number("seed of the virtual units (default 0)", default=0),
-        **PROGRESS,
+        "--seed": number("seed of the virtual units (default 0)", least=0, default=0),
         **results(plot=plot),
     }
 
@@ -112,7 +110,7 @@ def _budget(options: argparse.Namespace) -> None:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("--yield", "--loaded-units"), unused)
     limits = limits_of(options, model) if at_load else ()
-    with closing(_progress(options)) as progress:
+    with closing(Progress()) as progress:
         found = error_budget(
             model,
             tolerances,
@@ -155,7 +153,7 @@ def _allocate(options: argparse.Namespace) -> None:
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: Sequence[FrontPoint] = ()
-    with closing(_progress(options)) as progress:
+    with closing(Progress()) as progress:
         if options.kind == "load":
             found = _allocated_at_load(options, model, tolerances, progress)
         else:
@@ -267,10 +265,6 @@ def _read(options: argparse.Namespace) -> tuple[Model, tuple[Tolerance, ...]]:
     """Model and tolerances."""
     model = load_model(options.model)
     return model, load_tolerances(options.tolerances, model)
-
-
-def _progress(options: argparse.Namespace) -> Progress:
-    return Progress(terminal_only=not options.progress)
 
 
 def _share(text: str | None) -> float:

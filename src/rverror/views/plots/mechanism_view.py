@@ -48,9 +48,8 @@ class Places:
         Centres.
     pins : ndarray, shape (pins, 2)
     cranks : ndarray, shape (cranks, 2)
-    sun : ndarray, shape (2,)
-    turned : mapping of str to ndarray
-        Angle of the marks: of ``"sun"``, (1,), and of ``"planet"``, (cranks,).
+    sun_angle, planet_angle : float
+        Of the marks; the sun stands in the middle.
     contact : mapping of str to ndarray
         Point of each contact that has one, shaped as in `CONTACT_AXES` but for the flanks of a mesh.
     """
@@ -59,8 +58,8 @@ class Places:
     disc: Array
     pins: Array
     cranks: Array
-    sun: Array
-    turned: Mapping[str, Array]
+    sun_angle: float
+    planet_angle: float
     contact: Mapping[str, Array]
 
 
@@ -85,11 +84,8 @@ def places(motion: Contacts) -> Places:
         disc=centre,
         pins=pins,
         cranks=cranks,
-        sun=np.zeros(2),
-        turned={
-            "sun": np.array([turns["sun"] * theta]),
-            "planet": np.full(unit.cranks, turns["planet"] * theta),
-        },
+        sun_angle=turns["sun"] * theta,
+        planet_angle=turns["planet"] * theta,
         contact={
             "pin": pins + unit.pin_radius * motion.pin_normal[..., 0],
             "cam": cranks + centre[:, None],
@@ -313,11 +309,12 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
 
 def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
     """Points (n, 2) of each part and how far they move, with x, y and angle of the parts in the mode."""
-    carrier, sun = np.zeros(2), unit.sun_pitch_radius * _along(where.turned["sun"])
-    points = {"carrier": (carrier, where.cranks), "sun": (where.sun, where.sun + sun)}
+    middle = np.zeros(2)
+    on_sun = unit.sun_pitch_radius * _along(np.array([where.sun_angle]))
+    on_planet = unit.planet_pitch_radius * _along(np.array([where.planet_angle]))
+    points = {"carrier": (middle, where.cranks), "sun": (middle, on_sun)}
     points |= {f"disc {k}": (where.disc[k], where.contact["cam"][k]) for k in range(unit.discs)}
-    for j, mark in enumerate(unit.planet_pitch_radius * _along(where.turned["planet"])):
-        points[f"crank {j}"] = (where.cranks[j], (where.cranks[j] + mark)[None])
+    points |= {f"crank {j}": (centre, centre + on_planet) for j, centre in enumerate(where.cranks)}
     moved = {}
     for part, (centre, at) in points.items():
         x, y, angle = np.append(shape[part], 0.0)[:3]  # the angle of a sun that is held is none
@@ -340,8 +337,8 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
         for x, y in where.contact["cam"][k]:
             ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=look["color"], ls=look["ls"], lw=1.0))
     pitch: dict[str, Any] = {"fc": "none", "ec": "0.45", "lw": 0.9, "ls": style.DASHES[3]}
-    gears = [(unit.sun_pitch_radius, where.sun, float(where.turned["sun"][0]))]
-    gears += [(unit.planet_pitch_radius, *gear) for gear in zip(where.cranks, where.turned["planet"], strict=True)]
+    gears = [(unit.sun_pitch_radius, np.zeros(2), where.sun_angle)]
+    gears += [(unit.planet_pitch_radius, centre, where.planet_angle) for centre in where.cranks]
     for number, (radius, centre, angle) in enumerate(gears):
         label = "sun and planets, pitch circles" if number == 0 else None
         ax.add_patch(Circle((centre[0], centre[1]), radius, label=label, gid="gear", **pitch))

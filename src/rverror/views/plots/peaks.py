@@ -102,10 +102,12 @@ def name_peaks(
     Parameters
     ----------
     ax : Axes
-    order, size, floor : ndarray, shape (m,)
-        Lines that are drawn, and what a line must exceed to be named.
+    order, size : ndarray, shape (m,)
+        Lines that are drawn.
     name : callable
         Text for an order.
+    floor : ndarray, shape (m,)
+        What a line must exceed to be named.
     apart : int
         Lines between two that are named at least, wherever there is room for the names of neighbours.
     """
