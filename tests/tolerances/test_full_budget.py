@@ -297,7 +297,6 @@ def test_allocate_command_verifies_at_the_load(
         (["budget", "{model}", "{tolerances}", "--limit", "-1 arcsec"], ["--limit", "not above 0"]),
         (["budget", "{model}", "{tolerances}", "--torque", "20 mm"], ["--at", "'20 N*m'"]),
         (["budget", "{model}", "{tolerances}", "--units", "0"], ["--units", "1 or more"]),
-        (["budget", "{model}", "{tolerances}", "--units", "0"], ["--units", "1 or more"]),
         (["budget", "{model}", "{tolerances}", "--seed", "-1"], ["--seed", "0 or more"]),
         (["budget", "{model}", "{tolerances}", "--json", "{model}"], ["also an input"]),
         (["budget", "{model}", "none.toml"], ["none.toml"]),
