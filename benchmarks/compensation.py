@@ -29,7 +29,7 @@ from real_bench.units import ARCSEC, Simulated, Unit, both_ways, draw, grid, mod
 
 import rverror  # noqa: E402
 from rverror.runs.order_table import TableCondition  # noqa: E402
-from rverror.views.plots.compensated import compensation_figure  # noqa: E402
+from rverror.views.plots.page_figures import figure_of  # noqa: E402
 
 FAMILIES = ("plain", "stiffness", "power_law")
 LOAD, OTHER = 20.0, 200.0  # N*m
@@ -222,7 +222,7 @@ def figure(path: Path) -> None:
     theta = run.nominal_angle(model)
     last = theta > theta.max() - 2 * np.pi
     made = rverror.compensate(model, [cut(run, ~last)], unseen=[cut(run, last)])
-    compensation_figure(made).savefig(path, dpi=110)
+    figure_of(made).savefig(path, dpi=110)
     print(rverror.to_text(made))
 
 

@@ -17,7 +17,7 @@ import pytest
 
 import rverror
 from rverror import Diagnosis, diagnose
-from rverror.app import command_line as cli
+from rverror.app import command_line as cli, diagnosis_commands
 
 DEMO = Path(rverror.__file__).parent / "data" / "demo"
 
@@ -58,7 +58,7 @@ def outcome(folder: Path) -> Outcome:
     arguments += ["--jobs", "1"]
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        patch.setattr(cli, "diagnose", keep)
+        patch.setattr(diagnosis_commands, "diagnose", keep)
         code = cli.main(arguments)
     return Outcome(folder, code, out.getvalue(), err.getvalue(), found[0])
 

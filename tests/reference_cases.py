@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from rverror.app import reference_commands as cli_reference
+from rverror.app.terminal import add_commands
 from rverror.base.units import ARCSEC
 from rverror.reference.cases import definitions, solve
 
@@ -37,6 +38,6 @@ def wave(theta, *lines):
 
 def command(*words):
     parser = argparse.ArgumentParser()
-    cli_reference.add_commands(parser.add_subparsers(required=True))
+    add_commands(parser.add_subparsers(required=True), cli_reference)
     options = parser.parse_args([str(word) for word in words])
     options.run(options)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rverror.views.plots.drawing import diagnosis_figure
+from rverror.views.plots.page_figures import figure_of
 
 DOCS = Path(__file__).parents[1]
 FOLDER = "gallery"
@@ -140,7 +140,6 @@ LINES = {
     "model-stacked": 'unit.plot(kind="stacked")',
     "model-polar": 'unit.plot(kind="polar")',
     "model-spectrum": 'unit.plot(kind="spectrum")',
-    "model-order_map": 'unit.plot(kind="order_map", points=512)',
     "model-mechanism": 'unit.plot(kind="mechanism", theta="30 deg", torque="20 N*m")',
     "influence-waveform": 'rverror.influence(unit.mechanism, theta[:64], "cycloid.pin_circle", harmonic=2).plot()',
     "influence-crank": 'rverror.influence(unit.mechanism, theta[:64], "crank.eccentricity", crank=0, disc=1).plot()',
@@ -149,7 +148,6 @@ LINES = {
     "reducer-mechanism": 'rverror.reducer("RV-40E", output="housing").plot(theta="30 deg")',
     "drive-spectrum": 'worm.plot(kind="spectrum")',
     "equilibrium-waveform": "state.plot()",
-    "equilibrium-polar": 'state.plot(kind="polar")',
     "equilibrium-spectrum": 'state.plot(kind="spectrum")',
     "torsioncurve-torsion": 'torsion.plot(rated="412 N*m")',
     "hysteresis-loop": 'loop.plot(rated="412 N*m")',
@@ -163,7 +161,6 @@ LINES = {
     "speedresponse-order_map": 'speeds.plot(kind="order_map")',
     "runup-waveform": "started.plot()",
     "run-waveform": "runs[0].plot(ratio=declared)",
-    "run-polar": 'runs[0].plot(kind="polar", ratio=declared)',
     "run-spectrum": 'runs[0].plot(kind="spectrum", ratio=declared)',
     "runs-order_map": "rverror.views.order_map(loaded, ratio=unit, highest=170)",
     "ordertable-amplitudes": "table.plot()",
@@ -171,9 +168,7 @@ LINES = {
     "diagnosis-waveform": "found.plot()",
     "diagnosis-spectrum": 'found.plot(kind="spectrum")',
     "diagnosis-residual": 'found.plot(kind="residual")',
-    "diagnosis-runs": 'found.plot(kind="runs")',
     "diagnosis-candidates": 'found.plot(kind="candidates")',
-    "diagnosis-order_map": 'found.plot(kind="order_map")',
     "compensation-orders": "made.plot()",
     "compensation-waveform": 'made.plot(kind="waveform")',
     "errorbudget-contributions": "budget.plot()",
@@ -181,7 +176,6 @@ LINES = {
     "errorbudget-envelope": 'budget.plot(kind="envelope")',
     "errorbudget-at_load": 'budget.plot(kind="at_load")',
     "allocation-widths": "least.plot()",
-    "allocation-costs": 'least.plot(kind="costs")',
     "allocation-front": 'least.plot(kind="front", front=front)',
     "lot-processes": "lot.plot()",
     "lot-shares": 'lot.plot(kind="shares")',
@@ -232,7 +226,7 @@ def main() -> None:
     for name, line in LINES.items():
         (folder / f"{name}.png").write_bytes(small(eval(line, names).figure))
     forward = replace(names["found"], traces=names["found"].traces[:1])
-    (DOCS / "before-and-after.png").write_bytes(small(diagnosis_figure(forward), width=840))
+    (DOCS / "before-and-after.png").write_bytes(small(figure_of(forward), width=840))
     page = DOCS / "plots.md"
     page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")
 

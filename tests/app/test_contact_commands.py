@@ -148,9 +148,9 @@ REFUSED = {
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--lubricant", *["9 cSt"] * 2, "20 degC", "9 rpm"): (
         "--lubricant: viscosity_100 = 9 mm^2/s: must be below viscosity_40"
     ),
-    ("efficiency", "--count", "0"): "--count: 0 is below 1; give 1 angle or more",
+    ("efficiency", "--count", "0"): "--count: 0 is below 1; give 1 or more",
     ("efficiency", "--plot", "m.toml"): "this output is also an input",
-    ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' gives no loop; give more than 0",
+    ("hysteresis", "--torque", "0 N*m"): "--torque: '0 N*m' is not above 0; write it like '412 N*m'",
     ("hysteresis", "--angle", "1 mm"): "--angle: ",
     ("pressure", "--disc-width", "9", "--gear-width", "8 mm"): "--disc-width: '9' has no unit; write it like '9 mm'",
     ("pressure", "--disc-width", "9 mm", "--gear-width", "0 mm"): "m.toml: gear_width = 0 mm: must be above 0",

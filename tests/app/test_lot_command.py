@@ -50,7 +50,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_what_it_prints_and_writes(place: Path, asked: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     Path("lot/units.csv").write_text("serial,machine\nu10,A\nu1,B\ngone,B\n", encoding="utf-8")
     files = ["--json", "lot.json", "--html", "lot.html", "--csv", "lot.csv", "--save", "made.toml"]
-    words = ["lot", "lot", "--model", "model.toml", "--tolerances", "tolerances.toml", "--seed", "3", "--progress"]
+    words = ["lot", "lot", "--model", "model.toml", "--tolerances", "tolerances.toml", "--seed", "3"]
     assert main([*words, *files]) == 0
     assert asked["units"].serials == ("u10", "u1", "u2")
     assert asked["units"].labels == {"machine": ("A", "B", "")}
@@ -106,16 +106,16 @@ def test_runs_are_compressed_and_told_of_later(
     ("words", "said"),
     [
         (["none"], "none: cannot read the folder (No such file or directory)"),
-        ([" "], "FOLDER: ' ' has no name"),
+        ([" "], "parts: ' ' has no name"),
         (["lot", "--seed", "-1"], "--seed: -1 is below 0"),
         (["lot", "--json", "model.toml"], "model.toml: this output is also an input"),
-        (["lot", "--json", "a", "--csv", "a"], "a: two outputs share this name"),
+        (["lot", "--json", "a", "--csv", "a"], "a: two outputs are this file"),
         (["lot", "--csv", "lot/u1/forward.csv"], "this output is also an input"),
         (["lot", "--csv", "lot/units.csv"], "lot/units.csv: this output is also an input"),
         (["lot", "--csv", "lot/u1/made.csv"], "it would lie in the folder of unit u1"),
         (["lot", "--tolerances", "none.toml"], "none.toml: there is no such file"),
         (["lot", "--save", "none/made.toml"], "there is no folder"),
-        (["lot", "--jobs", "0"], "--jobs: 0 processes cannot work; give 1 or more"),
+        (["lot", "--jobs", "0"], "--jobs: 0 is below 1; give 1 or more"),
         (["lot", "--compress", "a.jsonl", "--csv", "a.csv"], "--compress: it tells of no process"),
         (["lot", "--compress", "lot/u1/a.jsonl"], "it would lie in the folder of unit u1"),
         (["lot", "--compress", "model.toml"], "model.toml: this output is also an input"),

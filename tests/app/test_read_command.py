@@ -283,7 +283,7 @@ def test_a_folder_of_units(bench: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert "2 kept" in capsys.readouterr().out
         (bench / "bench.toml").write_text(MAPPING + "# another\n", encoding="utf-8")
         again = diagnose_folder("units", out="out", mapping="bench.toml", executor=here)
-        assert [each.replaced for each in again.outcomes] == ["its inputs have changed"] * 2
+        assert [each.state for each in again.outcomes] == ["diagnosed"] * 2
         without = diagnose_folder("units", out="none", executor=here)  # the text is none then, and .TXT no run
     assert "no UTF-8" in without.outcomes[0].error
     assert "no run beside the model" in without.outcomes[1].error

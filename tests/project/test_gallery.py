@@ -22,6 +22,8 @@ WITHOUT = {
     "virtualunits-distribution",
     "allocation-at_load",
     "diagnosis-resonances",
+    "diagnosis-passport",
+    "diagnosis-shares",
 }
 
 

@@ -197,7 +197,7 @@ def test_command_writes_what_it_says_and_tells_what_it_replaces(tmp_path, capsys
     ("words", "message"),
     [
         (["reference-cases", "--out", "{t}/x", "--case", "one-cams"], "did you mean 'one-cam'"),
-        (["reference-cases", "--out", " "], "give a folder"),
+        (["reference-cases", "--out", " "], "has no name; give one"),
         (["reference-cases", "--out", "{t}/a file"], "cannot make the folder"),
     ],
 )

@@ -360,7 +360,7 @@ def test_within_is_the_exit_code(folder, tmp_path, capsys):
     ("words", "message"),
     [
         (["compare", "{t}/their.csv", "{f}/one-cam", "--within", "1 mm"], "--within"),
-        (["compare", "{t}/their.csv", "{f}/one-cam", "--within=-1 arcsec"], "below 0"),
+        (["compare", "{t}/their.csv", "{f}/one-cam", "--within=-1 arcsec"], "is not above 0"),
         (["compare", "{t}/their.csv", "{f}/nothing"], "no such file"),
         (["compare", "{t}/none.csv", "{f}/one-cam"], "no such file"),
         (["compare", "{t}/their.csv", "{f}/one-cam", "--json", "{t}/their.csv"], "also an input"),

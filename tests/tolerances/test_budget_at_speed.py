@@ -199,4 +199,4 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     assert told["input_speed_rpm"] == pytest.approx(300)
     assert "at 300 rpm" in capsys.readouterr().out.splitlines()[0]
     assert main(["budget", str(path), str(widths), "--speed", "-3 rpm"]) == 2
-    assert "--speed: '-3 rpm' is below 0" in capsys.readouterr().err
+    assert "--speed: '-3 rpm' is not above 0" in capsys.readouterr().err

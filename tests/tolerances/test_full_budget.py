@@ -14,8 +14,8 @@ import rverror
 from pages import ROOT
 from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
-from rverror.views.plots import budgets as budget_plot
-from rverror.views.plots.drawing import to_bytes
+from rverror.views.plots.figure import to_bytes
+from rverror.views.plots.page_figures import figure_of
 
 EXAMPLES = ROOT / "examples"
 MODEL = '[reducer]\npreset = "RV-40E"\n'
@@ -35,7 +35,7 @@ key = "coupling.carrier_bore_position"  # constant: the zero of the joint takes 
 tolerance = "4 um"
 fixed = true
 """
-FEW = ["--units", "2048", "--jobs", "1"]
+FEW = ["--units", "2048"]
 
 
 @pytest.fixture
@@ -165,7 +165,7 @@ def test_reverse_is_said_and_computed() -> None:
 
 def test_plots_have_units_on_their_axes(found: rverror.tolerances.ErrorBudget) -> None:
     limit = found.units.quantile(0.9).value
-    figure = budget_plot.budget_figure(found, limit=limit)
+    figure = figure_of(found, limit=limit)
     bars, histogram = figure.axes
     assert bars.get_xlabel().endswith("%")
     assert histogram.get_xlabel().endswith("arcsec")
@@ -212,14 +212,6 @@ def test_budget_command_in_reverse(tmp_path: Path, capsys: pytest.CaptureFixture
     assert reverse["nominal"] == pytest.approx(38.2, abs=0.01)
     assert forward["worst_case"] == pytest.approx(-38.2 * 7 / 5, abs=0.01)  # 7 um, the farthest from zero
     assert reverse["worst_case"] == pytest.approx(38.2 * 7 / 5, abs=0.01)
-
-
-def test_budget_command_resumes(files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "chunks"
-    first = run(["budget", *files, *FEW, "--resume", str(folder)], capsys)
-    again = run(["budget", *files, *FEW, "--resume", str(folder)], capsys)
-    assert first[:2] == again[:2]
-    assert "chunks were there from before" in again[2]
 
 
 def test_allocate_command_saves_a_file_that_meets_the_limit(
@@ -305,7 +297,6 @@ def test_allocate_command_verifies_at_the_load(
         (["budget", "{model}", "{tolerances}", "--limit", "-1 arcsec"], ["--limit", "not above 0"]),
         (["budget", "{model}", "{tolerances}", "--torque", "20 mm"], ["--at", "'20 N*m'"]),
         (["budget", "{model}", "{tolerances}", "--units", "0"], ["--units", "1 or more"]),
-        (["budget", "{model}", "{tolerances}", "--jobs", "0"], ["--jobs", "1 or more"]),
         (["budget", "{model}", "{tolerances}", "--seed", "-1"], ["--seed", "0 or more"]),
         (["budget", "{model}", "{tolerances}", "--json", "{model}"], ["also an input"]),
         (["budget", "{model}", "none.toml"], ["none.toml"]),

@@ -29,7 +29,8 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
 from rverror.views.envelope import InputFile, input_files
 from rverror.views.next_measurement import bench_of
-from rverror.views.plots.drawing import diagnosis_figure, svg_element, to_bytes
+from rverror.views.plots.figure import svg_element, to_bytes
+from rverror.views.plots.page_figures import figure_of
 from rverror.views.report import to_html, to_json, to_text
 
 NOISE = 0.4856  # arcsec rms
@@ -640,8 +641,8 @@ def test_the_picture_is_a_png_of_a_size_to_look_at(result: Outcome) -> None:
 
 
 def test_pictures_are_the_same_each_time(result: Outcome) -> None:
-    assert to_bytes(diagnosis_figure(result.diagnosis), "png") == (result.folder / "picture.png").read_bytes()
-    assert svg_element(diagnosis_figure(result.diagnosis)) == svg_element(diagnosis_figure(result.diagnosis))
+    assert to_bytes(figure_of(result.diagnosis), "png") == (result.folder / "picture.png").read_bytes()
+    assert svg_element(figure_of(result.diagnosis)) == svg_element(figure_of(result.diagnosis))
 
 
 def test_a_diagnosis_of_a_drive_is_reported_the_same_way(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,17 +35,7 @@ from rverror.views.html import document, escaped, number, table
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
 OVERVIEW = "summary.html"
-COLUMNS = (
-    "unit",
-    "state",
-    "verdict",
-    "keys",
-    "heldout_rms_before",
-    "heldout_rms_after",
-    "rms_unit",
-    "seconds",
-    "error",
-)
+COLUMNS = "unit,state,verdict,keys,heldout_rms_before,heldout_rms_after,rms_unit,seconds,error"
 
 _MOST_WORKERS = 61  # a limit of Windows
 
@@ -74,8 +64,6 @@ class UnitOutcome:
         Time in the worker; None where the result was kept.
     error : str
         One line where it failed, else empty.
-    replaced : str
-        Why an earlier result was replaced; empty where there was none.
     """
 
     unit: str
@@ -87,7 +75,6 @@ class UnitOutcome:
     rms_unit: str = ""
     seconds: float | None = None
     error: str = ""
-    replaced: str = ""
 
 
 @dataclass(frozen=True)
@@ -190,7 +177,7 @@ def diagnose_folder(
     Notes
     -----
     A result is kept if names and SHA-256 of its model, runs and mapping and the version of rverror are those that it
-    states.  One of other inputs is replaced; `UnitOutcome.replaced` and `progress` say so.
+    states.  One of other inputs is replaced.
 
     The processes start afresh and import the script that called: a script needs ``if __name__ == "__main__":``.
     """
@@ -203,26 +190,21 @@ def diagnose_folder(
         raise InputError(f"{mapping}: this is the name of a unit's model; give the mapping another")
     both = _of_all(model, load_model, executor), _of_all(mapping, load_mapping, executor)
     units, notes = _units(root, target, *both, pages=pages)
-    _make_output(target, units)
+    for unit in units:
+        if target.resolve().is_relative_to(unit.folder.resolve()):
+            raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
+    make_folder(target, "choose another")
     for note in notes:
         tell(note)
 
-    outcomes: dict[str, UnitOutcome] = {}
-    waiting: dict[str, str] = {}  # why an earlier result is not kept, by unit
-    for unit in units:
-        earlier = _earlier(unit)
-        if isinstance(earlier, UnitOutcome):
-            outcomes[unit.name] = earlier
-        else:
-            waiting[unit.name] = earlier
-    todo = [unit for unit in units if unit.name in waiting]
+    outcomes = {unit.name: outcome for unit in units if (outcome := _earlier(unit)) is not None}
+    todo = [unit for unit in units if unit.name not in outcomes]
     if outcomes:
         tell(f"{len(outcomes)} of {len(units)} units: results of the same inputs and version are there and kept")
-    if todo and executor is not None:
-        _work(executor, todo, waiting, outcomes, tell)
-    elif todo:
-        with processes(min(jobs or cores(), len(todo), _MOST_WORKERS)) as pool:
-            _work(pool, todo, waiting, outcomes, tell)
+    if todo:
+        count = min(jobs or cores(), len(todo), _MOST_WORKERS)
+        with processes(count) if executor is None else nullcontext(executor) as pool:
+            outcomes |= _work(pool, todo, tell)
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
     write_text(target / SUMMARY, _summary(batch), overwrite=True)
@@ -252,7 +234,7 @@ def _units(
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_summary(path / SUMMARY))
+            results = path.resolve() == out.resolve() or SUMMARY in names
             own = str(path / MODEL) if MODEL in names else model
             if MODEL in names or (own and runs and not results):
                 page = out / f"{path.name}.html" if pages else None
@@ -260,66 +242,26 @@ def _units(
             elif runs and not results:
                 notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+        raise InputError(f"{root}: cannot read the folder ({error}); check the path") from error
     if not found:
         what = f"no subfolder holds a {MODEL}" + ("" if model is None else ", nor any run")
         raise InputError(f"{root}: {what}; give a folder with one subfolder for each unit")
     return tuple(found), tuple(notes)
 
 
-def _is_summary(path: Path) -> bool:
-    return read_text(path).startswith(f"{COLUMNS[0]},{COLUMNS[1]},")
-
-
-def _make_output(out: Path, units: Sequence[_Unit]) -> None:
-    """Make the folder of the results, once it is sure that nothing in it would be lost or taken for a run."""
-    place = out.resolve()
-    for unit in units:
-        inside = unit.folder.resolve()
-        if inside == place or inside in place.parents:
-            raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
-    make_folder(out, "choose another")
-    if not os.access(out, os.W_OK):
-        raise InputError(f"{out}: no permission to write in it; choose another folder")
-    summary = out / SUMMARY
-    if os.path.lexists(summary) and not _is_summary(summary):
-        raise InputError(f"{summary}: this is no summary of a batch; rename it or choose another folder")
-    pages = [unit.page for unit in units if unit.page is not None]
-    if out / OVERVIEW in pages:
-        raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
-    for page in (*pages, out / OVERVIEW) if pages else ():
-        if os.path.lexists(page) and "<title>rverror" not in read_text(page):
-            raise InputError(f"{page}: this is no page of a batch; rename it or choose another folder")
-
-
-def _earlier(unit: _Unit) -> UnitOutcome | str:
-    """Outcome of an earlier result with the same inputs and version, else why it is not kept (empty: there is none)."""
-    if not os.path.lexists(unit.result):
-        return ""
+def _earlier(unit: _Unit) -> UnitOutcome | None:
+    """Outcome of an earlier result with the same inputs and version, and its page where one is asked for."""
     try:
         data = json.loads(read_text(unit.result))
-        version, files = data["version"], {Path(f["path"]).name: f["sha256"] for f in data["files"]}
+        files = {Path(f["path"]).name: f["sha256"] for f in data["files"]}
+        now = {Path(f.path).name: f.sha256 for f in input_files(unit.inputs)}
+        page = "" if unit.page is None else read_text(unit.page)
         outcome = replace(_outcome(unit, data), state="kept")
     except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return "the file was no result of a diagnosis"
-    if version != __version__:
-        return f"it was made by version {version}"
-    try:
-        now = {Path(f.path).name: f.sha256 for f in input_files(unit.inputs)}
-    except InputError:
-        return "its inputs cannot be read any more"  # the worker says which
-    if files != now:
-        return "its inputs have changed"
-    return outcome if unit.page is None or _is_page_of(unit.page, data) else "its page was not there"
-
-
-def _is_page_of(page: Path, data: Mapping[str, Any]) -> bool:
-    """Tell whether a page is that of a result: of the same version and inputs, which both of them name."""
-    if not os.path.lexists(page):
-        return False
-    shown = read_text(page)
-    return all(word in shown for word in (data["version"], *(f["sha256"] for f in data["files"])))
+        return None  # no result, or of inputs that cannot be read any more
+    # the page is of that result if it has its version and inputs
+    told = unit.page is None or all(word in page for word in (__version__, *files.values()))
+    return outcome if told and data["version"] == __version__ and files == now else None
 
 
 def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
@@ -355,54 +297,42 @@ def _diagnose_unit(unit: _Unit) -> _Answer:
     return _Answer(data, page, " ".join(error.split()), time.perf_counter() - start)
 
 
-def _work(
-    executor: Executor,
-    units: Sequence[_Unit],
-    waiting: Mapping[str, str],
-    outcomes: dict[str, UnitOutcome],
-    tell: Progress,
-) -> None:
+def _work(executor: Executor, units: Sequence[_Unit], tell: Progress) -> dict[str, UnitOutcome]:
     """Diagnose units and write each result as it comes, so that an interrupted batch loses only what was under way."""
-    pending: dict[Future[_Answer], _Unit] = {}
-    total = len(units)
-    done = 0
+    outcomes = dict[str, UnitOutcome]()
+    pending = dict[Future[_Answer], _Unit]()
     try:
         for unit in units:
             try:
                 pending[executor.submit(_diagnose_unit, unit)] = unit
             except BrokenExecutor as problem:
-                outcomes[unit.name] = _failed(unit, _lost(problem), None, waiting[unit.name])
-        for future in as_completed(pending):
+                outcomes[unit.name] = UnitOutcome(unit.name, "failed", error=_lost(problem))
+        for done, future in enumerate(as_completed(pending), start=1):
             unit = pending[future]
-            done += 1
-            outcomes[unit.name] = outcome = _finish(unit, future, waiting[unit.name])
-            tell(f"{done} of {total} units: {told(outcome)}")
+            outcomes[unit.name] = _finish(unit, future)
+            tell(f"{done} of {len(units)} units: {told(outcomes[unit.name])}")
     finally:
         for future in pending:
             future.cancel()
+    return outcomes
 
 
-def _finish(unit: _Unit, future: Future[_Answer], why: str) -> UnitOutcome:
+def _finish(unit: _Unit, future: Future[_Answer]) -> UnitOutcome:
     """Write the result of a unit."""
+    failed = UnitOutcome(unit.name, "failed")
     try:
         answer = future.result()
     except Exception as problem:  # of the executor: a worker killed, a cluster gone, a version that differs there
-        return _failed(unit, _lost(problem), None, why)
+        return replace(failed, error=_lost(problem))
     if answer.data is None:
-        return _failed(unit, answer.error, answer.seconds, why)
+        return replace(failed, error=answer.error, seconds=answer.seconds)
     try:
         if unit.page is not None:
             write_text(unit.page, answer.page, overwrite=True)
-        write_text(unit.result, json.dumps(answer.data, indent=1) + "\n", overwrite=bool(why))
+        write_text(unit.result, json.dumps(answer.data, indent=1) + "\n", overwrite=True)
     except InputError as problem:
-        return _failed(unit, str(problem), answer.seconds, why)
-    return replace(_outcome(unit, answer.data), seconds=answer.seconds, replaced=why)
-
-
-def _failed(unit: _Unit, error: str, seconds: float | None, why: str) -> UnitOutcome:
-    if why:
-        error += f" (the earlier {unit.result.name} still stands, but {why})"
-    return UnitOutcome(unit.name, "failed", seconds=seconds, error=error)
+        return replace(failed, error=str(problem), seconds=answer.seconds)
+    return replace(_outcome(unit, answer.data), seconds=answer.seconds)
 
 
 def _lost(problem: Exception) -> str:
@@ -421,15 +351,13 @@ def told(outcome: UnitOutcome) -> str:
     if outcome.before is not None and outcome.after is not None:
         parts.append(f"held-out rms {outcome.before:.3g} -> {outcome.after:.3g} {outcome.rms_unit}")
     parts.append("kept" if outcome.seconds is None else f"{outcome.seconds:.1f} s")
-    if outcome.replaced:
-        parts.append(f"replaces an earlier result, since {outcome.replaced}")
     return f"{outcome.unit}: {'; '.join(parts)}"
 
 
 def _summary(batch: Batch) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(COLUMNS.split(","))
     for o in batch.outcomes:
         seconds = "" if o.seconds is None else f"{o.seconds:.2f}"
         sizes = ["" if size is None else f"{size:g}" for size in (o.before, o.after)]
@@ -495,7 +423,7 @@ def processes(count: int) -> Iterator[Executor]:
     Workers that each take all cores slow one another down.
     """
     names = (*BLAS_THREADS, KERNEL_THREADS)
-    before = {name: os.environ.get(name) for name in names}
+    before = {name: os.environ[name] for name in names if name in os.environ}
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_work)
     try:
@@ -503,8 +431,6 @@ def processes(count: int) -> Iterator[Executor]:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in names:
+            os.environ.pop(name, None)
+        os.environ.update(before)

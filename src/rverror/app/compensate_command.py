@@ -6,7 +6,6 @@ import argparse
 import os
 from collections.abc import Sequence
 from contextlib import closing
-from typing import Any
 
 import numpy as np
 
@@ -15,17 +14,16 @@ from rverror.app.terminal import (
     MODEL,
     RUNS,
     Progress,
-    add_command,
-    check_outputs,
     choice,
+    command,
     flag,
-    given_twice,
     option,
     output,
+    read_runs,
     results,
-    rounded,
+    save,
+    save_model,
     save_results,
-    say_replaced,
     tell,
 )
 from rverror.base.errors import InputError
@@ -38,50 +36,34 @@ from rverror.diagnosis.loop import diagnose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compensation import WAVE
 from rverror.model.effects import Model
-from rverror.model.model_file import append_effects, load_model
-from rverror.runs.bench.mapping import given_mapping
-from rverror.runs.measurement import Run, load_run
+from rverror.model.model_file import load_model
+from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.views.report import to_text
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "compensate",
-        brief="write a table with which a controller cancels the repeatable error",
-        does="Writes a table that a controller adds to its commands so that the repeatable part of the output error "
-        "cancels, and predicts the error that remains with it.",
-        example="unit.toml forward.csv reverse.csv -o table.csv",
-        run=_compensate,
-        options={
-            **MODEL,
-            **RUNS,
-            **output("TABLE", "table to write", required=True),
-            "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
-            "--torque": option(
-                '"20 N*m"', "load of the table; a json table takes several", size="torque", action="append"
-            ),
-            **MAPPING,
-            **results(plot="the error before and after"),
-            "--save": option("NEW.toml", "write the model of the compensated unit"),
-            "--force": flag("replace a table that exists"),
-        },
-    )
-
-
+@command(
+    example="unit.toml forward.csv reverse.csv -o table.csv",
+    options={
+        **MODEL,
+        **RUNS,
+        **output("TABLE", "table to write", required=True),
+        "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
+        "--torque": option('"20 N*m"', "load of the table; a json table takes several", size="torque", action="append"),
+        **MAPPING,
+        **results(plot="the error before and after"),
+        **save("NEW.toml", "write the model of the compensated unit"),
+        "--force": flag("replace a table that exists"),
+    },
+)
 def _compensate(options: argparse.Namespace) -> None:
-    check_outputs([options.output, options.json, options.html, options.plot, options.save], options.inputs)
+    """Write a table with which a controller cancels the repeatable error.
+
+    Writes a table that a controller adds to its commands so that the repeatable part of the output error cancels,
+    and predicts the error that remains with it.
+    """
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
-    if (twice := given_twice([*options.runs, *options.validate])) is not None:
-        raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
     torques = options.torque or []
     if len(torques) > 1 and options.format != "json":
         raise InputError(
@@ -92,24 +74,14 @@ def _compensate(options: argparse.Namespace) -> None:
         raise InputError(
             f"{options.model}: it has a table already, which the new one replaces; remove its {WAVE.key} for --save"
         )
-    mapping = given_mapping(options.mapping)
-    runs = [load_run(path, model, mapping) for path in options.runs]
-    unseen = [load_run(path, model, mapping) for path in options.validate]
+    runs, unseen = read_runs(options, model)
     made = compensate(_with_causes(model, runs, unseen, torques), runs, torques=torques, unseen=unseen)
     print(to_text(made), end="")
     table = _written(made, options, torques)
     options.plot = options.plot if made.worth else None
-
-    def picture() -> Any:
-        from rverror.views.plots.compensated import compensation_figure
-
-        return compensation_figure(made)
-
-    save_results(made, options, picture, table=table)
-    if options.save and table is not None:
-        say_replaced(options.save)
-        effects = [rounded(effect) for effect in made.correction.effects(table.torque)]
-        append_effects(options.model, options.save, effects, overwrite=True)
+    save_results(made, options, table=table)
+    if table is not None:
+        save_model(options, made.correction.effects(table.torque))
 
 
 def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[float]) -> WrittenTable | None:

@@ -14,13 +14,15 @@ from rverror.app.terminal import (
     WAY,
     WAYS,
     WIDTHS,
-    add_command,
     choice,
+    command,
     duty_phases,
     named,
+    number,
     option,
     quantity,
     results,
+    save,
     save_model,
     tell,
     write_results,
@@ -75,86 +77,38 @@ _ROLLERS = 'number of rollers, their diameter and length, diameter of the inner 
 _RATED = "output torque (default: the rated one)"
 
 
-def add_commands(commands: Any) -> None:
-    """Add the commands to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    of_friction = {"model": option("MODEL.toml", "with [reducer.friction]", reads=True)}
-    add_command(
-        commands,
-        "efficiency",
-        brief="friction losses by part, and the input torque",
-        does="Computes the power lost to friction in pins, gear flanks and bearings, part by part, and the torque"
-        " at the input. The coefficients of friction come from [reducer.friction] of the model file.",
-        example='unit.toml --torque "412 N*m" --torque "20 N*m"',
-        run=_efficiency,
-        options={
-            **of_friction,
-            "--torque": option('"20 N*m"', f"{_RATED}; give it again for more", size="torque", action="append"),
-            "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
-            "--direction": choice(WAYS, "forward"),
-            **PHASES,
-            **{
-                f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {told}", size=dimension)
-                for name, (dimension, example, told) in _HEAT.items()
-            },
-            "--lubricant": option(("AT_40", "AT_100", "TEMPERATURE", "SPEED"), _LUBRICANT, nargs=4),
-            "--save": option("NEW.toml", "with --phase: write the model of the warm unit"),
-            **_angles(EFFICIENCY_ANGLES),
-            **results(plot="the friction losses by part"),
-        },
-    )
-    add_command(
-        commands,
-        "hysteresis",
-        brief="loop of the torsion curve, input held",
-        does="Computes how far the output turns as the torque on it rises and falls with the input held: the width of "
-        "the loop and the lost motion.",
-        example='unit.toml --torque "412 N*m" --plot loop.png',
-        run=_hysteresis,
-        options={
-            **of_friction,
-            "--torque": option('"412 N*m"', "largest output torque (default: the rated one)", size="torque"),
-            "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-            **results(plot="the loop"),
-        },
-    )
-    add_command(
-        commands,
-        "pressure",
-        brief="contact pressure of pins, gear flanks and bearings",
-        does="Computes the contact pressure of pins, gear flanks and, where their rollers are given, crank bearings, "
-        "and at which output angle it is highest.",
-        example='unit.toml --disc-width "9 mm" --gear-width "8 mm"',
-        run=_pressure,
-        options={
-            **MODEL,
-            **WIDTHS,
-            **{
-                f"--{bearing}-bearing": option(
-                    ("ROLLERS", "DIAMETER", "LENGTH", "RACE"),
-                    f"bearing of the cranks in the {place}: {_ROLLERS}",
-                    nargs=4,
-                )
-                for bearing, place in (("cam", "discs"), ("carrier", "carrier"))
-            },
-            "--torque": option('"20 N*m"', _RATED, size="torque"),
-            **WAY,
-            **_angles(PRESSURE_ANGLES),
-            **results(plot="pressure over the output angle"),
-        },
-    )
+_OF_FRICTION = {"model": option("MODEL.toml", "with [reducer.friction]", reads=True)}
 
 
 def _angles(count: int) -> dict[str, Any]:
     told = f"number of output angles, spread over a turn (default {count})"
-    return {"--count": option("N", told, type=int, default=count)}
+    return {"--count": number(told, least=1, default=count)}
 
 
+@command(
+    example='unit.toml --torque "412 N*m" --torque "20 N*m"',
+    options={
+        **_OF_FRICTION,
+        "--torque": option('"20 N*m"', f"{_RATED}; give it again for more", size="torque", action="append"),
+        "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
+        "--direction": choice(WAYS, "forward"),
+        **PHASES,
+        **{
+            f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {told}", size=dimension)
+            for name, (dimension, example, told) in _HEAT.items()
+        },
+        "--lubricant": option(("AT_40", "AT_100", "TEMPERATURE", "SPEED"), _LUBRICANT, nargs=4),
+        **save("NEW.toml", "with --phase: write the model of the warm unit"),
+        **_angles(EFFICIENCY_ANGLES),
+        **results(plot="the friction losses by part"),
+    },
+)
 def _efficiency(options: argparse.Namespace) -> None:
+    """Friction losses by part, and the input torque.
+
+    Computes the power lost to friction in pins, gear flanks and bearings, part by part, and the torque at the
+    input. The coefficients of friction come from [reducer.friction] of the model file.
+    """
     theta = _turn(options)
     if options.phase:
         return _of_cycle(options, theta)
@@ -196,11 +150,23 @@ def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     save_model(options, [found.growth])
 
 
+@command(
+    example='unit.toml --torque "412 N*m" --plot loop.png',
+    options={
+        **_OF_FRICTION,
+        "--torque": option('"412 N*m"', "largest output torque (default: the rated one)", size="torque", least=0),
+        "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
+        **results(plot="the loop"),
+    },
+)
 def _hysteresis(options: argparse.Namespace) -> None:
+    """Loop of the torsion curve, input held.
+
+    Computes how far the output turns as the torque on it rises and falls with the input held: the width of the loop
+    and the lost motion.
+    """
     model, unit = _loaded(options)
     top = _rated(options, unit) if options.torque is None else options.torque
-    if not top > 0:
-        raise InputError(f"--torque: {options.as_written['torque']!r} gives no loop; give more than 0")
     lost = None if unit.rated_torque is None else _LOST_MOTION * unit.rated_torque
     marked = [lost] if lost is not None and lost <= top else []
     sizes = {0.0, *(share * top for share in _SHARES), *marked}
@@ -213,7 +179,31 @@ def _hysteresis(options: argparse.Namespace) -> None:
         print(f"lost motion at +-{100 * _LOST_MOTION:g} % of the rated torque: {read}")
 
 
+@command(
+    example='unit.toml --disc-width "9 mm" --gear-width "8 mm"',
+    options={
+        **MODEL,
+        **WIDTHS,
+        **{
+            f"--{bearing}-bearing": option(
+                ("ROLLERS", "DIAMETER", "LENGTH", "RACE"),
+                f"bearing of the cranks in the {place}: {_ROLLERS}",
+                nargs=4,
+            )
+            for bearing, place in (("cam", "discs"), ("carrier", "carrier"))
+        },
+        "--torque": option('"20 N*m"', _RATED, size="torque"),
+        **WAY,
+        **_angles(PRESSURE_ANGLES),
+        **results(plot="pressure over the output angle"),
+    },
+)
 def _pressure(options: argparse.Namespace) -> None:
+    """Contact pressure of pins, gear flanks and bearings.
+
+    Computes the contact pressure of pins, gear flanks and, where their rollers are given, crank bearings, and at
+    which output angle it is highest.
+    """
     theta = _turn(options)
     cam_bearing = _bearing("--cam-bearing", options.cam_bearing)
     carrier_bearing = _bearing("--carrier-bearing", options.carrier_bearing)
@@ -229,12 +219,10 @@ def _pressure(options: argparse.Namespace) -> None:
             cam_bearing=cam_bearing,
             carrier_bearing=carrier_bearing,
         )
-    write_results(found, options, found.plot)
+    write_results(found, options)
 
 
 def _turn(options: argparse.Namespace) -> Array:
-    if options.count < 1:
-        raise InputError(f"--count: {options.count} is below 1; give 1 angle or more")
     return np.linspace(0, 2 * math.pi, options.count, endpoint=False)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rverror.app.terminal import MODEL, WAY, WAYS, add_command, flag, option, results, write_results
+from rverror.app.terminal import MODEL, WAY, WAYS, command, flag, number, option, results, write_results
 from rverror.base.errors import InputError
 from rverror.dynamics.at_speed import speed_response
 from rverror.dynamics.natural_modes import modes
@@ -17,62 +17,48 @@ COUNT = 100  # speeds
 _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the rated one)", size="torque"), **WAY}
 
 
-def add_commands(commands: Any) -> None:
-    """Add the commands to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "modes",
-        brief="natural frequencies of the loaded gear train",
-        does="Computes the natural frequencies of the loaded gear train with the inertia at its ends, their damping, "
-        "the contact that holds each mode and the part that moves most in it.",
-        example='unit.toml --torque "100 N*m" --plot modes.png',
-        run=_modes,
-        options={
-            **_STATE,
-            "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-            **results(plot="the shape of the lowest mode of the machine"),
-        },
-    )
-    add_command(
-        commands,
-        "speeds",
-        brief="output error against input speed, by order, and critical speeds",
-        does="Computes the output error against the input speed, by order, and the speeds at which an order meets a "
-        "natural frequency. Orders are per output turn and reach up to half the samples of a turn (2048 for an "
-        "RV-40E). Higher ones appear folded: 976, 584 and 1952 are the waves 3120, 4680 and 6240 of its cycloid "
-        "mesh.",
-        example='unit.toml --from "60 rpm" --to "1800 rpm" --plot speeds.png',
-        run=_speeds,
-        options={
-            **_STATE,
-            "--from": option('"100 rpm"', "lowest input speed", size="angular_speed", dest="first", required=True),
-            "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
-            "--count": option("N", f"number of speeds (default {COUNT})", type=int, default=COUNT),
-            "--by-effect": flag("with --json: also what each declared error does, by order at each speed"),
-            **results(plot="the amplitudes of the largest orders against the speed"),
-        },
-    )
-
-
+@command(
+    example='unit.toml --torque "100 N*m" --plot modes.png',
+    options={
+        **_STATE,
+        "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
+        **results(plot="the shape of the lowest mode of the machine"),
+    },
+)
 def _modes(options: argparse.Namespace) -> None:
+    """Natural frequencies of the loaded gear train.
+
+    Computes the natural frequencies of the loaded gear train with the inertia at its ends, their damping, the
+    contact that holds each mode and the part that moves most in it.
+    """
     found = modes(load_model(options.model), theta=options.angle, **_state(options))
-    write_results(found, options, found.plot)
+    write_results(found, options)
 
 
+@command(
+    example='unit.toml --from "60 rpm" --to "1800 rpm" --plot speeds.png',
+    options={
+        **_STATE,
+        "--from": option('"100 rpm"', "lowest input speed", size="angular_speed", dest="first", required=True),
+        "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
+        "--count": number(f"number of speeds (default {COUNT})", least=2, default=COUNT),
+        "--by-effect": flag("with --json: also what each declared error does, by order at each speed"),
+        **results(plot="the amplitudes of the largest orders against the speed"),
+    },
+)
 def _speeds(options: argparse.Namespace) -> None:
+    """Output error against input speed, by order, and critical speeds.
+
+    Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
+    frequency. Orders are per output turn and reach up to half the samples of a turn (2048 for an RV-40E). Higher
+    ones appear folded: 976, 584 and 1952 are the waves 3120, 4680 and 6240 of its cycloid mesh.
+    """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)
         raise InputError(f"{given}: speeds must grow from 0 or more")
-    if options.count < 2:
-        raise InputError(f"--count: {options.count} is below 2; give 2 speeds or more")
     speeds = np.linspace(options.first, options.last, options.count)
     found = speed_response(load_model(options.model), speeds, by_effect=options.by_effect, **_state(options))
-    write_results(found, options, found.plot)
+    write_results(found, options)
 
 
 def _state(options: argparse.Namespace) -> dict[str, Any]:

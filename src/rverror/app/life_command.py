@@ -6,14 +6,12 @@ import argparse
 import re
 from collections.abc import Sequence
 from contextlib import closing
-from typing import Any
 
 from rverror.app.terminal import (
     MAPPING,
-    PROGRESS,
     Progress,
-    add_command,
-    check_results,
+    check_outputs,
+    command,
     named,
     option,
     results,
@@ -30,70 +28,60 @@ from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 from rverror.tolerances.specification import QUANTITIES, Limit, limit
 
-
-def add_commands(commands: Any) -> None:
-    """Add the commands to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    outputs = {**MAPPING, **results(), **PROGRESS}
-    add_command(
-        commands,
-        "trend",
-        brief="what grows or jumps in a unit that is measured repeatedly",
-        does="Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how "
-        "long a limit will still be met.",
-        example='runs --model unit.toml --limit "lost motion 90 arcsec"',
-        run=_trend,
-        options={
-            "runs": option(
-                "FOLDER",
-                "runs of one unit, or folders of them, each with '# hours:', '# cycles:' or '# date:' in its header",
-                nargs="+",
-            ),
-            "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
-            "--limit": option(
-                '"lost motion 90 arcsec"',
-                "limit, also 'transmission error 60 arcsec': how long it will still be met",
-            ),
-            **outputs,
-        },
-    )
-    add_command(
-        commands,
-        "compare-runs",
-        brief="what changed between two measurements of one unit",
-        does="Lists the orders that differ by more than noise between two measurements of one unit and, with a model, "
-        "the part errors that changed.",
-        example="before.csv after.csv --model unit.toml",
-        run=_compare,
-        options={
-            "before": option("BEFORE", "a run, or a folder of runs"),
-            "after": option("AFTER", "a run, or a folder of runs"),
-            "--model": option("MODEL.toml", "model of the unit: also look for the causes", reads=True),
-            **outputs,
-        },
-    )
+_OUTPUTS = {**MAPPING, **results()}
 
 
+@command(
+    example='runs --model unit.toml --limit "lost motion 90 arcsec"',
+    options={
+        "runs": option(
+            "FOLDER",
+            "runs of one unit, or folders of them, each with '# hours:', '# cycles:' or '# date:' in its header",
+            nargs="+",
+        ),
+        "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
+        "--limit": option(
+            '"lost motion 90 arcsec"',
+            "limit, also 'transmission error 60 arcsec': how long it will still be met",
+        ),
+        **_OUTPUTS,
+    },
+)
 def _trend(options: argparse.Namespace) -> None:
+    """What grows or jumps in a unit that is measured repeatedly.
+
+    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long a
+    limit will still be met.
+    """
     wanted = _limit(options.limit)
     paths = _listed(options, options.runs)
     model, mapping = load_model(options.model), given_mapping(options.mapping)
     runs = [read_run(path, model, mapping) for path in paths]
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = trend(model, runs, limit=wanted, progress=progress)
     write_results(found, options)
 
 
-def _compare(options: argparse.Namespace) -> None:
+@command(
+    example="before.csv after.csv --model unit.toml",
+    options={
+        "before": option("BEFORE", "a run, or a folder of runs"),
+        "after": option("AFTER", "a run, or a folder of runs"),
+        "--model": option("MODEL.toml", "model of the unit: also look for the causes", reads=True),
+        **_OUTPUTS,
+    },
+)
+def _compare_runs(options: argparse.Namespace) -> None:
+    """What changed between two measurements of one unit.
+
+    Lists the orders that differ by more than noise between two measurements of one unit and, with a model, the part
+    errors that changed.
+    """
     sides = [_listed(options, [side]) for side in (options.before, options.after)]
     mapping = given_mapping(options.mapping)
     model = None if options.model is None else load_model(options.model)
     before, after = ([read_run(path, model, mapping) for path in side] for side in sides)
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = compare_runs(before, after, model, progress=progress)
     write_results(found, options)
 
@@ -104,7 +92,7 @@ def _listed(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
         check_name(path)
     runs = run_files(paths, RUN_SUFFIXES if options.mapping else (".csv",))
     options.inputs += runs
-    check_results(options, options.inputs)
+    check_outputs(options.outputs, options.inputs)
     return runs
 
 

@@ -8,18 +8,17 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import replace
-from typing import Any
 
 from rverror.app.batch import processes
 from rverror.app.terminal import (
     MAPPING,
-    PROGRESS,
     Progress,
-    add_command,
-    check_jobs,
-    check_results,
+    check_outputs,
+    command,
+    number,
     option,
     results,
+    save,
     say_replaced,
     tell,
     write_output,
@@ -44,67 +43,46 @@ from rverror.views.report import to_csv
 _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as long as others take to start
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "lot",
-        brief="scatter of each process, or orders that drives share, from many measured units",
-        does="Estimates from the runs of many finished units how far each manufacturing process scatters and how far "
-        "its mean is off, and names units that do not belong to the lot.",
-        example="measured --model unit.toml --save made.toml",
-        run=_lot,
-        options={
-            "parts": option(
-                "FOLDER",
-                "each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
-                "several are parts of one lot",
-                nargs="+",
-            ),
-            "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-            "--tolerances": option(
-                "TOL.toml",
-                "tolerances of the drawing: which processes to estimate, and Cp, Cpk",
-                reads=True,
-            ),
-            **MAPPING,
-            "--compress": option(
-                "OUT.jsonl",
-                "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
-            ),
-            "--jobs": option(
-                "N", "processes that read runs (default: one for each core if there are many runs)", type=int
-            ),
-            "--save": option("MADE.toml", "write the scatter of the processes as a tolerance file"),
-            **results(),
-            "--csv": option("OUT.csv", "write a row for each process"),
-            "--diagnose": option(
-                "N",
-                "diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
-                type=int,
-                default=3,
-            ),
-            "--seed": option("N", "seed of the drawn units (default 0)", type=int, default=0),
-            **PROGRESS,
-        },
-    )
-
-
+@command(
+    example="measured --model unit.toml --save made.toml",
+    options={
+        "parts": option(
+            "FOLDER",
+            "each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
+            "several are parts of one lot",
+            nargs="+",
+        ),
+        "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
+        "--tolerances": option(
+            "TOL.toml",
+            "tolerances of the drawing: which processes to estimate, and Cp, Cpk",
+            reads=True,
+        ),
+        **MAPPING,
+        "--compress": option(
+            "OUT.jsonl",
+            "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
+            writes=True,
+        ),
+        "--jobs": number("processes that read runs (default: one for each core if there are many runs)", least=1),
+        **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
+        **results(),
+        "--csv": option("OUT.csv", "write a row for each process", writes=True),
+        "--diagnose": number(
+            "diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
+            least=0,
+            default=3,
+        ),
+        "--seed": number("seed of the drawn units (default 0)", least=0, default=0),
+    },
+)
 def _lot(options: argparse.Namespace) -> None:
-    for path in options.parts:
-        if not path.strip():
-            raise InputError(f"FOLDER: {path!r} has no name; give a folder")
-    for name in ("seed", "diagnose"):
-        if (number := getattr(options, name)) < 0:
-            raise InputError(f"--{name}: {number} is below 0; give 0 or more")
-    check_jobs(options.jobs, "processes")
-    outputs = [options.save, options.json, options.html, options.csv, options.compress]
-    if options.compress is not None and any(output is not None for output in outputs[:-1]):
+    """Scatter of each process, or orders that drives share, from many measured units.
+
+    Estimates from the runs of many finished units how far each manufacturing process scatters and how far its mean
+    is off, and names units that do not belong to the lot.
+    """
+    if options.compress is not None and len(options.outputs) > 1:
         raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
     model = load_model(options.model)
     drive = isinstance(model.mechanism, Drive)
@@ -116,13 +94,13 @@ def _lot(options: argparse.Namespace) -> None:
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
     inputs = lot_inputs(options.parts, model, given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
-    check_results(options, [*options.inputs, *tables, *inputs.files])
-    _check_apart(outputs, inputs)
+    options.inputs += inputs.files
+    check_outputs(options.outputs, [*options.inputs, *tables])
+    _check_apart(options.outputs, inputs)
     if options.compress is not None:
         _compress(inputs, options)
         return
-    options.inputs += inputs.files
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
@@ -146,7 +124,7 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
     with (
-        closing(Progress(terminal_only=not options.progress)) as progress,
+        closing(Progress()) as progress,
         _workers(options.jobs, inputs) as executor,
     ):
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
@@ -162,11 +140,11 @@ def _workers(jobs: int | None, inputs: LotInputs) -> AbstractContextManager[Exec
     return processes(count) if count > 1 else nullcontext()
 
 
-def _check_apart(outputs: Sequence[str | None], inputs: LotInputs) -> None:
+def _check_apart(outputs: Sequence[str], inputs: LotInputs) -> None:
     """Refuse outputs among a unit's runs, for one of which the next call would take them."""
     places = {os.path.realpath(os.path.dirname(run)): unit.serial for unit in inputs.unread for run in unit.runs}
     for output in outputs:
-        place = None if output is None else os.path.dirname(os.path.realpath(output))
+        place = os.path.dirname(os.path.realpath(output))
         if place in places:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
 

@@ -6,16 +6,16 @@ import argparse
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from typing import Any
 
 from rverror.app.terminal import (
-    PROGRESS,
     Progress,
-    add_command,
+    command,
     flag,
     named,
+    number,
     option,
     results,
+    save,
     tell,
     write_output,
     write_results,
@@ -28,46 +28,35 @@ from rverror.parts.reading import load_parts
 from rverror.views.report import to_csv
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "match",
-        brief="which measured parts to assemble so that most units meet their limits",
-        does="Chooses from stocks of measured parts which to assemble and in which position, so that as many units "
-        "as possible meet their limits, and compares that with parts taken at random.",
-        example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
-        run=_match,
-        options={
-            "parts": option("PARTS", "tables of parts, or files of measuring machines", reads=True, nargs="+"),
-            "--model": option(
-                "MODEL.toml", "model of the unit, without the errors of these parts", reads=True, required=True
-            ),
-            "--mapping": option(
-                "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
-            ),
-            **limit_options(),
-            "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
-            "--cost": option(
-                "matching=2.5",
-                f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
-                action="append",
-                default=[],
-            ),
-            "--seed": option("N", "seed of the random assemblies (default 0)", type=int, default=0),
-            **PROGRESS,
-            **results(),
-            "--save": option("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
-        },
-    )
-
-
+@command(
+    example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
+    options={
+        "parts": option("PARTS", "tables of parts, or files of measuring machines", reads=True, nargs="+"),
+        "--model": option(
+            "MODEL.toml", "model of the unit, without the errors of these parts", reads=True, required=True
+        ),
+        "--mapping": option(
+            "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
+        ),
+        **limit_options(),
+        "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
+        "--cost": option(
+            "matching=2.5",
+            f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
+            action="append",
+            default=[],
+        ),
+        "--seed": number("seed of the random assemblies (default 0)", default=0),
+        **results(),
+        **save("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
+    },
+)
 def _match(options: argparse.Namespace) -> None:
+    """Which measured parts to assemble so that most units meet their limits.
+
+    Chooses from stocks of measured parts which to assemble and in which position, so that as many units as possible
+    meet their limits, and compares that with parts taken at random.
+    """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")
     costs = _costs(options.cost)
@@ -77,7 +66,7 @@ def _match(options: argparse.Namespace) -> None:
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
     for note in read.notes:
         tell(note)
-    with closing(Progress(terminal_only=not options.progress)) as progress:
+    with closing(Progress()) as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
     write_results(found, options)
     if options.save:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from rverror.app.terminal import add_command, check_output, flag, option, output, say_replaced, tell, write_output
+from rverror.app.terminal import command, flag, number, option, output, say_replaced, tell, write_output
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
@@ -18,39 +17,27 @@ from rverror.parts.reading import load_parts
 from rverror.parts.unit import mounted_parts, places_in_list, unit_error, unit_of_parts
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "parts",
-        brief="errors of measured parts, from files of measuring machines",
-        does="Reads what measuring machines write about parts and writes their errors: a table of parts, or the "
-        "model of the unit that is built of them. It needs a mapping that says which column is which error; "
-        "--draft begins one.",
-        example="discs.csv cranks.csv --model unit.toml --mapping parts.toml -o unit-17.toml",
-        run=_parts,
-        options={
-            "files": option("FILE", "CSV, xlsx or Q-DAS files, or tables of parts", reads=True, nargs="+"),
-            "--model": option("MODEL.toml", "model of the unit that the parts are made for", reads=True, required=True),
-            "--mapping": option("MAPPING.toml", "mapping file: which column is which error, with units", reads=True),
-            "--draft": flag("write a draft of the mapping for the first file instead"),
-            "--place": option("disc=D17,D18", "which serial number goes where", nargs="+", default=[]),
-            "--units": option(
-                "UNITS.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
-            ),
-            "--unit": option("N", "number of the unit in that list", type=int),
-            **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them"),
-        },
-    )
-
-
+@command(
+    example="discs.csv cranks.csv --model unit.toml --mapping parts.toml -o unit-17.toml",
+    options={
+        "files": option("FILE", "CSV, xlsx or Q-DAS files, or tables of parts", reads=True, nargs="+"),
+        "--model": option("MODEL.toml", "model of the unit that the parts are made for", reads=True, required=True),
+        "--mapping": option("MAPPING.toml", "mapping file: which column is which error, with units", reads=True),
+        "--draft": flag("write a draft of the mapping for the first file instead"),
+        "--place": option("disc=D17,D18", "which serial number goes where", nargs="+", default=[]),
+        "--units": option(
+            "UNITS.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
+        ),
+        "--unit": number("number of the unit in that list"),
+        **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them"),
+    },
+)
 def _parts(options: argparse.Namespace) -> None:
-    check_output(options.output, options.inputs)
+    """Errors of measured parts, from files of measuring machines.
+
+    Reads what measuring machines write about parts and writes their errors: a table of parts, or the model of the
+    unit that is built of them. It needs a mapping that says which column is which error; --draft begins one.
+    """
     target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:
         text = draft_parts_mapping(options.files[0])

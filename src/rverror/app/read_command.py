@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from typing import Any
 
 from rverror.app.terminal import (
     MAPPING,
-    add_command,
-    check_output,
+    command,
     flag,
     option,
     output,
     tell,
-    write_output,
+    write_text_output,
 )
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import drafted
@@ -25,32 +22,21 @@ from rverror.runs.order_file import orders_text, refuse_order_file
 from rverror.runs.order_table import OrderTable
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "read",
-        brief="read a file of a bench and write a run file or an order table",
-        does="Reads a file as a bench writes it (text, MAT, HDF5, TDMS) and writes a run file or an order table. It "
-        "needs a mapping that says what the columns are; --draft begins one.",
-        example="bench.tdms --mapping bench.toml -o run.csv",
-        run=_read,
-        options={
-            "file": option("BENCH.tdms", reads=True),
-            **MAPPING,
-            "--draft": flag("write a draft of the mapping instead, with what the file holds"),
-            **output("RUN.csv", "file to write (default: standard output)"),
-        },
-    )
-
-
+@command(
+    example="bench.tdms --mapping bench.toml -o run.csv",
+    options={
+        "file": option("BENCH.tdms", reads=True),
+        **MAPPING,
+        "--draft": flag("write a draft of the mapping instead, with what the file holds"),
+        **output("RUN.csv", "file to write (default: standard output)"),
+    },
+)
 def _read(options: argparse.Namespace) -> None:
-    check_output(options.output, options.inputs)
+    """Read a file of a bench and write a run file or an order table.
+
+    Reads a file as a bench writes it (text, MAT, HDF5, TDMS) and writes a run file or an order table. It needs a
+    mapping that says what the columns are; --draft begins one.
+    """
     refuse_order_file(options.file)
     if options.draft:
         if options.mapping:
@@ -58,7 +44,7 @@ def _read(options: argparse.Namespace) -> None:
         text, remarks = drafted(options.file)
         for remark in remarks:
             tell(f"{options.file}: {remark}")
-        _write(options.output, text)
+        write_text_output(options.output, text)
         return
     read = load_run(options.file, mapping=given_mapping(options.mapping))
     names = [Path(path).name for path in options.inputs]
@@ -68,12 +54,4 @@ def _read(options: argparse.Namespace) -> None:
     text = text_of(read, comments=comments, path=options.output or options.file)  # type: ignore[arg-type]
     for note in read.notes:
         tell(f"{options.file}: {note}")
-    _write(options.output, text)
-
-
-def _write(path: str | None, text: str) -> None:
-    if path is None:
-        sys.stdout.write(text)
-        return
-    write_output(path, text)
-    tell(f"wrote {path}")
+    write_text_output(options.output, text)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from rverror.app.terminal import (
     MAPPING,
-    add_command,
     check_output,
+    check_outputs,
     choice,
+    command,
     make_folder,
     option,
     output,
@@ -22,7 +22,6 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
-from rverror.base.text import check_name
 from rverror.model.ends import Encoders
 from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
@@ -33,54 +32,18 @@ from rverror.runs.measurement import read_run
 _FILES = ("case.npz", "case.json")
 
 
-def add_commands(commands: Any) -> None:
-    """Add the commands to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "reference-cases",
-        brief="write cases with known answers to test other tools against",
-        does="Writes cases with known answers, one folder each: the model, and its output error by rverror.",
-        example="--output cases --case one-cam",
-        run=_reference_cases,
-        options={
-            **output("FOLDER", "where to write; each case has a folder in it", required=True),
-            "--case": option("NAME", "write only this case; give it again for more", action="append", default=[]),
-        },
-    )
-    add_command(
-        commands,
-        "compare",
-        brief="deviation of another tool's waveform from a reference case, by order",
-        does="Compares a waveform from another tool with a reference case and lists how far it is off, in total and by "
-        "order.",
-        example='theirs.csv cases/one-cam --within "0.1 arcsec"',
-        run=_compare,
-        options={
-            "theirs": option("THEIR.csv", "run file of the other tool, or any file with --mapping", reads=True),
-            "case": option("CASE", "folder of the case, or its case.json"),
-            "--method": choice(METHODS, METHODS[0], "which waveform of the case (default equilibrium)"),
-            "--within": option(
-                '"0.1 arcsec"', "exit with 1 if the rms of the difference, offset removed, is larger", size="angle"
-            ),
-            **MAPPING,
-            "--bench": option(
-                "MODEL.toml",
-                "model file with the [bench.encoders] that measured the run, for its uncertainty",
-                reads=True,
-            ),
-            **results(html=False),
-        },
-    )
-
-
+@command(
+    example="--output cases --case one-cam",
+    options={
+        **output("FOLDER", "where to write; each case has a folder in it", writes=False, required=True),
+        "--case": option("NAME", "write only this case; give it again for more", action="append", default=[]),
+    },
+)
 def _reference_cases(options: argparse.Namespace) -> None:
-    if not options.output.strip():
-        raise InputError(f"--output: {options.output!r} has no name; give a folder")
+    """Write cases with known answers to test other tools against.
+
+    Writes cases with known answers, one folder each: the model, and its output error by rverror.
+    """
     cases = pick(options.case)
     folders = [Path(options.output) / case.name for case in cases]
     for folder in folders:
@@ -93,13 +56,35 @@ def _reference_cases(options: argparse.Namespace) -> None:
         print(f"{folder}: {case.shows}", flush=True)
 
 
+@command(
+    example='theirs.csv cases/one-cam --within "0.1 arcsec"',
+    options={
+        "theirs": option("THEIR.csv", "run file of the other tool, or any file with --mapping", reads=True),
+        "case": option("CASE", "folder of the case, or its case.json"),
+        "--method": choice(METHODS, METHODS[0], "which waveform of the case (default equilibrium)"),
+        "--within": option(
+            '"0.1 arcsec"',
+            "exit with 1 if the rms of the difference, offset removed, is larger",
+            size="angle",
+            least=0,
+        ),
+        **MAPPING,
+        "--bench": option(
+            "MODEL.toml",
+            "model file with the [bench.encoders] that measured the run, for its uncertainty",
+            reads=True,
+        ),
+        **results(html=False),
+    },
+)
 def _compare(options: argparse.Namespace) -> None:
-    check_name(options.case)
+    """Deviation of another tool's waveform from a reference case, by order.
+
+    Compares a waveform from another tool with a reference case and lists how far it is off, in total and by order.
+    """
     told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
     options.inputs[1:1] = [str(told), str(told.with_name("case.npz"))]
-    check_output(options.json, [*options.inputs, options.case, str(told.with_name("case.json"))])
-    if options.within is not None and options.within < 0:
-        raise InputError(f"--within: {options.as_written['within']!r} is below 0; write it like '0.1 arcsec'")
+    check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None
     run = read_run(options.theirs, case.ratio, given_mapping(options.mapping))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import os
 import sys
@@ -10,7 +11,7 @@ import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,32 +20,29 @@ from rverror.base.errors import InputError
 from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
-from rverror.model.effects import Effect
+from rverror.model.effects import Effect, Model
 from rverror.model.model_file import append_effects
+from rverror.runs.bench.mapping import given_mapping
+from rverror.runs.measurement import Run, load_run
+from rverror.runs.order_table import OrderTable
 from rverror.statics.duty import DutyPhase
 
 _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
-#: Options that name a file to write.
-_OUTPUTS = ("json", "html", "plot", "save", "csv", "compress")
 
 
 class Progress:
-    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then.
+    """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
 
-    With `terminal_only` nothing is told where standard error is no terminal.
-    """
-
-    def __init__(self, *, terminal_only: bool = False) -> None:
+    def __init__(self) -> None:
         """Start the clock."""
         self.start = self.last = time.monotonic()
         self.terminal = sys.stderr.isatty()
-        self.silent = terminal_only and not self.terminal
 
     def __call__(self, text: str) -> None:
         """Tell what is being done."""
         now = time.monotonic()
-        if self.silent or now - self.start < 2 or (not self.terminal and now - self.last < 2):
+        if now - self.start < 2 or (not self.terminal and now - self.last < 2):
             return
         self.last = now
         line = f"[{now - self.start:4.0f} s] {text}"
@@ -59,146 +57,196 @@ class Progress:
             print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
 
 
+@dataclass(frozen=True)
+class Option:
+    """One option of a command.
+
+    Attributes
+    ----------
+    given : mapping of str to object
+        For argparse.
+    size : str
+        Dimension of a quantity, written as the metavar shows: the command gets its value in the core unit.
+    least : float or None
+        Least number; a size must be above it.
+    reads, writes : bool
+        Whether it names files that are read, or one that is written: no output may be one of the inputs.
+    """
+
+    given: Mapping[str, Any]
+    size: str = ""
+    least: float | None = None
+    reads: bool = False
+    writes: bool = False
+
+
 def option(
     metavar: str | tuple[str, ...] | None = None,
     help: str | None = None,
     *,
     size: str = "",
+    least: float | None = None,
     reads: bool = False,
+    writes: bool = False,
     **more: Any,
-) -> dict[str, Any]:
-    """One entry of the table of options that `add_command` takes.
-
-    Parameters
-    ----------
-    metavar, help
-        For argparse.
-    size : str
-        Dimension of a quantity, written as `metavar` shows: the command gets its value in the core unit.
-    reads : bool
-        Whether it names files that are read: no output may be one of them.
-    **more
-        For argparse.
-    """
-    return {"metavar": metavar, "help": help, "size": size, "reads": reads, **more}
+) -> Option:
+    """One entry of the table of options that `add_command` takes; what `Option` does not know is for argparse."""
+    return Option({"metavar": metavar, "help": help, **more}, size, least, reads, writes)
 
 
-def flag(help: str) -> dict[str, Any]:
+def number(help: str, *, least: int | None = None, **more: Any) -> Option:
+    """Option that is a whole number; `least` where no function refuses a smaller one."""
+    return option("N", help, type=int, least=least, **more)
+
+
+def flag(help: str) -> Option:
     """Option that is given or not."""
-    return {"help": help, "action": "store_true"}
+    return Option({"help": help, "action": "store_true"})
 
 
-def choice(choices: Iterable[str], default: str, help: str | None = None) -> dict[str, Any]:
+def choice(choices: Iterable[str], default: str, help: str | None = None) -> Option:
     """Option that is one of some words."""
-    return {"help": help, "choices": tuple(choices), "default": default}
+    return Option({"help": help, "choices": tuple(choices), "default": default})
 
 
-def output(metavar: str, help: str, **more: Any) -> dict[str, Any]:
-    """Option for the file or folder that a command is for."""
-    return {"-o --output --out": option(metavar, help, **more)}
+def output(metavar: str, help: str, *, writes: bool = True, **more: Any) -> dict[str, Option]:
+    """Option for the file or folder that a command is for; a folder is none that `writes`."""
+    return {"-o --output --out": option(metavar, help, writes=writes, **more)}
 
 
-def results(*, plot: str | None = None, html: bool = True) -> dict[str, Any]:
+def save(metavar: str, help: str) -> dict[str, Option]:
+    """Option for a file that other commands read."""
+    return {"--save": option(metavar, help, writes=True)}
+
+
+def results(*, plot: str | None = None, html: bool = True) -> dict[str, Option]:
     """Options that write a result: JSON, a page, and a picture where `plot` says of what."""
-    found = {"--json": option("OUT.json", "write the result as JSON")}
+    found = {"--json": option("OUT.json", "write the result as JSON", writes=True)}
     if html:
-        found["--html --report"] = option("OUT.html", "write one self-contained page with tables and pictures")
+        page = "write one self-contained page with tables and pictures"
+        found["--html --report"] = option("OUT.html", page, writes=True)
     if plot is not None:
-        found["--plot"] = option("OUT.png", f"draw {plot}")
+        found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
     return found
 
 
 #: Options that several commands have, for their tables.
-MODEL: Mapping[str, Any] = {"model": option("MODEL.toml", reads=True)}
-RUNS: Mapping[str, Any] = {
+MODEL: Mapping[str, Option] = {"model": option("MODEL.toml", reads=True)}
+RUNS: Mapping[str, Option] = {
     "runs": option("RUN.csv", nargs="+", reads=True),
     "--validate": option(
         "FILE", "runs or order tables kept out of the fit, to test the result on", reads=True, nargs="+", default=[]
     ),
 }
-MAPPING: Mapping[str, Any] = {
+MAPPING: Mapping[str, Option] = {
     "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
 }
-PROGRESS: Mapping[str, Any] = {"--progress": flag("show progress also where standard error is no terminal")}
-WIDTHS: Mapping[str, Any] = {
+WIDTHS: Mapping[str, Option] = {
     "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
     "--gear-width": option('"8 mm"', "contact length of a planet gear on the sun", size="length", required=True),
 }
 WAYS: Mapping[str, tuple[float, ...]] = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
-WAY: Mapping[str, Any] = {"--direction": choice(("forward", "reverse"), "forward")}
+WAY: Mapping[str, Option] = {"--direction": choice(("forward", "reverse"), "forward")}
 
 
-def add_command(
-    commands: Any,
-    name: str,
-    *,
-    brief: str,
-    does: str,
-    example: str,
-    run: Callable[[argparse.Namespace], None],
-    options: Mapping[str, Mapping[str, Any]],
-) -> None:
-    """Add a command.
+@dataclass(frozen=True)
+class Command:
+    """A command, of the name of the function that does it, whose docstring is its help: a line for the list, the rest.
 
-    Parameters
+    Attributes
     ----------
-    commands : argparse._SubParsersAction
-    name : str
-    brief : str
-        A line for the list of all commands.
-    does : str
-        What it does, in sentences, for its own help.
-    example : str
-        Arguments that show it at work, for its own help.
     run : callable
         What does it, of options whose quantities are read and whose outputs can be written; `inputs` of them lists the
-        files that are read, and `as_written` has the quantities as given.
-    options : mapping of str to mapping
-        Each as `option` makes it, by its names with blanks between them.
+        files that are read, `outputs` those to write, and `as_written` has the quantities as given.
+    example : str
+        Arguments that show it at work, for its help.
+    options : mapping of str to Option
+        By their names with blanks between them.
     """
+
+    run: Callable[[argparse.Namespace], None]
+    example: str
+    options: Mapping[str, Option]
+
+
+def command(
+    *, example: str, options: Mapping[str, Option]
+) -> Callable[[Callable[[argparse.Namespace], None]], Command]:
+    """Make a command of the function below."""
+    return lambda run: Command(run, example, options)
+
+
+def add_commands(commands: Any, module: Any) -> None:
+    """Add the commands of a module to a parser's subparsers."""
+    for one in vars(module).values():
+        if isinstance(one, Command):
+            add_command(commands, one)
+
+
+def add_command(commands: Any, made: Command) -> None:
+    """Add a command to a parser's subparsers."""
+    name = made.run.__name__.strip("_").replace("_", "-")
+    brief, _, does = inspect.cleandoc(made.run.__doc__ or "").partition("\n\n")
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
-        help=brief,
+        help=brief.rstrip(".").replace("%", "%%"),
         description=textwrap.fill(does, 79),
-        epilog=f"example:\n  rverror {name} {example}",
+        epilog=f"example:\n  rverror {name} {made.example}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    read, sized = list[str](), dict[str, tuple[str, str, str]]()
-    for names, row in options.items():
-        said = dict(row)
-        size, reads = said.pop("size", ""), said.pop("reads", False)
-        action = parser.add_argument(*names.split(), **said)
-        read += [action.dest] if reads else []
-        if size:
-            sized[action.dest] = names.split()[0], size, str(action.metavar).strip('"')
+    rows = {parser.add_argument(*names.split(), **row.given).dest: (names, row) for names, row in made.options.items()}
 
     def begin(given: argparse.Namespace) -> None:
-        files = [getattr(given, dest) or () for dest in read]
-        given.inputs = [path for some in files for path in ([some] if isinstance(some, str) else some)]
-        check_results(given, given.inputs)
-        given.as_written = {dest: getattr(given, dest) for dest in sized}
-        for dest, (named, dimension, written) in sized.items():
-            text = given.as_written[dest]
-            if isinstance(text, str):
-                setattr(given, dest, quantity(named, text, dimension, example=written))
-            elif text:
-                setattr(given, dest, [quantity(named, one, dimension, example=written) for one in text])
-        run(given)
+        given.inputs, given.outputs, given.as_written = list[str](), list[str](), dict[str, Any]()
+        for dest, (names, row) in rows.items():
+            value = getattr(given, dest)
+            if value is None:
+                continue
+            values = value if isinstance(value, list) else [value]
+            for one in values:
+                if isinstance(one, str) and not one.strip():
+                    raise InputError(f"{names.split()[0]}: {one!r} has no name; give one")
+            given.inputs += values if row.reads else []
+            given.outputs += values if row.writes else []
+            given.as_written[dest] = value
+            read = [_checked(names.split()[0], one, row) for one in values]
+            setattr(given, dest, read if isinstance(value, list) else read[0])
+        check_outputs(given.outputs, given.inputs)
+        if getattr(given, "plot", None):
+            from rverror.views.plots.figure import check_axes
+
+            check_axes(None)
+        made.run(given)
 
     parser.set_defaults(run=begin)
 
 
-def check_results(options: argparse.Namespace, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, files that no message can name, outputs that cannot be written, and a picture without
-    what draws it.
-    """
+def _checked(name: str, value: Any, row: Option) -> Any:
+    """Value of an option in the core unit, refused below the least."""
+    if row.size and isinstance(value, str):
+        return quantity(name, value, row.size, example=str(row.given["metavar"]).strip('"'), least=row.least)
+    if row.least is not None and value < row.least:
+        raise InputError(f"{name}: {value} is below {row.least:g}; give {row.least:g} or more")
+    return value
+
+
+def check_outputs(outputs: Sequence[str], inputs: Sequence[str]) -> None:
+    """Refuse, before any work, files that no message can name and outputs that cannot be written."""
     for path in inputs:
         check_name(path)
-    check_outputs([getattr(options, name, None) for name in _OUTPUTS], inputs)
-    if getattr(options, "plot", None):
-        from rverror.views.plots.figure import check_axes
+    for path in outputs:
+        check_output(path, inputs)
+    if (twice := given_twice(outputs)) is not None:
+        raise InputError(f"{twice}: two outputs are this file, by name or by a link; give each its own")
 
-        check_axes(None)
+
+def read_runs(options: argparse.Namespace, model: Model) -> tuple[list[Run | OrderTable], list[Run | OrderTable]]:
+    """Runs to fit and those that no fit sees, of the options `RUNS` and `MAPPING`."""
+    if (twice := given_twice([*options.runs, *options.validate])) is not None:
+        raise InputError(f"{twice}: this run file is given twice; give each once, to fit or to --validate")
+    mapping = given_mapping(options.mapping)
+    fitted, unseen = ([load_run(path, model, mapping) for path in paths] for paths in (options.runs, options.validate))
+    return fitted, unseen
 
 
 def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None) -> None:
@@ -210,17 +258,22 @@ def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], An
 
 
 def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
-    """Write a result, or several of one kind, as the options of `results` ask; with `more` told of it."""
-    from rverror.views.envelope import input_files  # half of all modules
-    from rverror.views.report import to_html, to_json
+    """Write a result as the options of `results` ask, with `more` told of it; `draw` makes axes of its own picture."""
+    html, plot = getattr(options, "html", None), getattr(options, "plot", None)
+    if options.json or html:
+        from rverror.views.envelope import input_files  # half of all modules
+        from rverror.views.report import to_html, to_json
 
-    files = input_files(options.inputs) if options.json or getattr(options, "html", None) else ()
-    if options.json:
-        write_json(options.json, to_json(found, files=files, **more))
-    if getattr(options, "html", None):
-        write_output(options.html, to_html(found, files=files, **more))
-    if draw is not None and options.plot:
-        write_picture(options.plot, draw().figure)
+        files = input_files(options.inputs)
+        if options.json:
+            write_json(options.json, to_json(found, files=files, **more))
+        if html:
+            write_output(html, to_html(found, files=files, **more))
+    if plot:
+        from rverror.views.plots.figure import to_bytes  # loads matplotlib
+        from rverror.views.plots.page_figures import figure_of
+
+        write_output(plot, to_bytes(draw().figure if draw else figure_of(found, **more), "png"))
 
 
 def save_model(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
@@ -241,12 +294,8 @@ def named(what: str = "") -> Iterator[None]:
         raise InputError(f"{what}: {problem}" if what else str(problem)) from problem
 
 
-def check_output(path: str | None, inputs: Sequence[str]) -> None:
+def check_output(path: str, inputs: Sequence[str]) -> None:
     """Refuse, before any work, an output that is an input or has no folder."""
-    if path is None:
-        return
-    if not path.strip():
-        raise InputError(f"{path!r}: this output has no name; give a file")
     if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
         raise InputError(f"{path}: this output is also an input; choose another name")
     folder = os.path.dirname(os.path.abspath(path))
@@ -258,20 +307,6 @@ def check_output(path: str | None, inputs: Sequence[str]) -> None:
         raise InputError(f"{path}: this is a device or pipe, no file; give a file")
     if not os.access(folder, os.W_OK):
         raise InputError(f"{path}: no permission to write in {folder}; choose another place")
-
-
-def check_jobs(jobs: int | None, what: str) -> None:
-    """Refuse a number of threads or processes that do no work."""
-    if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs: {jobs} {what} cannot work; give 1 or more")
-
-
-def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
-    """Refuse, before any work, outputs that cannot be written, or that share a name."""
-    for output in outputs:
-        check_output(output, inputs)
-    if (twice := given_twice([output for output in outputs if output is not None])) is not None:
-        raise InputError(f"{twice}: two outputs share this name; give each its own")
 
 
 def make_folder(path: str | Path, remedy: str) -> Path:
@@ -294,27 +329,32 @@ def write_output(path: str | Path, content: str | bytes) -> None:
         write_bytes(path, content, overwrite=True)
 
 
+def write_text_output(path: str | None, text: str) -> None:
+    """Write a text that a command is for, to standard output where there is no path."""
+    if path is None:
+        sys.stdout.write(text)
+        return
+    write_output(path, text)
+    tell(f"wrote {path}")
+
+
 def write_json(path: str | Path, content: Any) -> None:
     """Write a result for programs."""
     write_output(path, json.dumps(content, indent=1) + "\n")
 
 
-def write_picture(path: str | Path, figure: Any) -> None:
-    """Write a figure as PNG."""
-    from rverror.views.plots.figure import to_bytes  # loads matplotlib
-
-    write_output(path, to_bytes(figure, "png"))
-
-
-def quantity(option: str, text: str, dimension: str, *, example: str) -> float:
+def quantity(option: str, text: str, dimension: str, *, example: str, least: float | None = None) -> float:
     """Value of an option with a unit, in the core unit; refused with the option's name and how it is written."""
     try:
-        return units.InCore(units.parse(text, dimension))
+        value = units.InCore(units.parse(text, dimension))
     except ValueError as problem:
         raise InputError(f"{option}: {str(problem).partition(';')[0]}; write it like '{example}'") from problem
+    if least is not None and value <= least:
+        raise InputError(f"{option}: {text!r} is not above {least:g}; write it like '{example}'")
+    return value
 
 
-def arm_option(what: str, more: str = "") -> dict[str, Any]:
+def arm_option(what: str, more: str = "") -> dict[str, Option]:
     """Option that gives a load over the angle."""
     told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
     return {"--arm": option(f'"{_ARM}"', told)}
@@ -335,7 +375,7 @@ def arm(text: str) -> GravityArm:
 
 
 #: Option for phases of a duty.
-PHASES: Mapping[str, Any] = {
+PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
         "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for each "

@@ -10,13 +10,14 @@ from rverror.app.terminal import (
     MODEL,
     PHASES,
     WIDTHS,
-    add_command,
     choice,
+    command,
     duty_phases,
     named,
     option,
     quantity,
     results,
+    save,
     save_model,
     write_results,
 )
@@ -29,53 +30,43 @@ from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearC
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
 
 
-def add_commands(commands: Any) -> None:
-    """Add the command to a parser's subparsers.
-
-    Parameters
-    ----------
-    commands : argparse._SubParsersAction
-    """
-    add_command(
-        commands,
-        "wear",
-        brief="wear of pins, discs and gears over hours of operation",
-        does="Computes how pins, discs, gears and bearings wear over hours of operation, and the output error and lost "
-        "motion that follow. The wear coefficients are yours to give; none are assumed.",
-        example='unit.toml --torque "412 N*m" --speed "1815 rpm" --hours 6000 \\\n'
-        '    --coefficient "1e-10 mm^3/(N*m)" --disc-width "9 mm" --gear-width "8 mm"',
-        run=_wear,
-        options={
-            **MODEL,
-            "--torque": option('"412 N*m"', "output torque of the duty", size="torque"),
-            "--speed": option('"1815 rpm"', "input speed of the duty", size="angular_speed"),
-            **PHASES,
-            "--hours": option("N", "hours of operation", required=True, type=float),
-            "--coefficient": option(
-                f'"{_COEFFICIENT}"',
-                f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
-                f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give "
-                "it again for more",
-                action="append",
-                required=True,
-            ),
-            "--running-in": option(
-                '"0.5 um, 1e-8 mm^3/(N*m)"',
-                "running in: depth of the roughness that wears off and wear coefficient of the new surface, of all "
-                "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
-                action="append",
-                default=[],
-            ),
-            **WIDTHS,
-            "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
-            "--direction": choice(("both", *DIRECTIONS), "both", "direction of the duty (default both)"),
-            **results(plot="error and lost motion over the hours"),
-            "--save": option("NEW.toml", "write the model of the worn unit"),
-        },
-    )
-
-
+@command(
+    example='unit.toml --torque "412 N*m" --speed "1815 rpm" --hours 6000 \\\n'
+    '    --coefficient "1e-10 mm^3/(N*m)" --disc-width "9 mm" --gear-width "8 mm"',
+    options={
+        **MODEL,
+        "--torque": option('"412 N*m"', "output torque of the duty", size="torque"),
+        "--speed": option('"1815 rpm"', "input speed of the duty", size="angular_speed"),
+        **PHASES,
+        "--hours": option("N", "hours of operation", required=True, type=float),
+        "--coefficient": option(
+            f'"{_COEFFICIENT}"',
+            f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
+            f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give "
+            "it again for more",
+            action="append",
+            required=True,
+        ),
+        "--running-in": option(
+            '"0.5 um, 1e-8 mm^3/(N*m)"',
+            "running in: depth of the roughness that wears off and wear coefficient of the new surface, of all "
+            "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
+            action="append",
+            default=[],
+        ),
+        **WIDTHS,
+        "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
+        "--direction": choice(("both", *DIRECTIONS), "both", "direction of the duty (default both)"),
+        **results(plot="error and lost motion over the hours"),
+        **save("NEW.toml", "write the model of the worn unit"),
+    },
+)
 def _wear(options: argparse.Namespace) -> None:
+    """Wear of pins, discs and gears over hours of operation.
+
+    Computes how pins, discs, gears and bearings wear over hours of operation, and the output error and lost motion
+    that follow. The wear coefficients are yours to give; none are assumed.
+    """
     model = load_model(options.model)
     with named():
         found = wear(
@@ -89,7 +80,7 @@ def _wear(options: argparse.Namespace) -> None:
             pins=options.pins,
             direction=None if options.direction == "both" else options.direction,
         )
-    write_results(found, options, found.plot)
+    write_results(found, options)
     save_model(options, found.effects)
 
 

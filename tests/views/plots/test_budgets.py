@@ -100,15 +100,6 @@ def test_widths_are_drawn_over_what_they_were(least: tuple[Allocation, tuple[Fro
     assert line(ax, "fixed")[0] == pytest.approx([1.0])
 
 
-def test_costs_before_and_after(least: tuple[Allocation, tuple[FrontPoint, ...]]) -> None:
-    found, _ = least
-    ax = found.plot(kind="costs")
-    words = [tick.get_text() for tick in ax.get_yticklabels()]
-    for drawn, costs in zip(bars(ax), (found.costs_before, found.costs), strict=True):
-        assert dict(zip(words, drawn, strict=True)) == pytest.approx(dict(zip(found.labels, costs, strict=True)))
-    assert [f"{found.cost_before:.4g}" in legend(ax)[0], f"{found.cost:.4g}" in legend(ax)[1]] == [True, True]
-
-
 def test_the_front_marks_the_allocation_and_what_cannot_be_met(
     least: tuple[Allocation, tuple[FrontPoint, ...]],
 ) -> None:

@@ -43,11 +43,8 @@ def test_bars_are_the_shares_and_the_efficiency_stands_above() -> None:
     tops = [100 * (1 - one.mean) for one in by_load]  # what is lost and what comes out are the whole
     assert [text.get_position()[1] for text in ax.texts] == pytest.approx(tops)
     ticks = [tick.get_text() for tick in ax.get_xticklabels()]
-    assert ticks[:4] == [f"20, {side}, {way}" for side in ("input", "output") for way in ("forward", "reverse")]
-    assert ticks[-1] == "412, output, reverse"
-    places = np.array(ax.get_xticks())
-    gaps = np.diff(places)
-    assert (gaps[3::4] > gaps[:3].max()).all()  # loads stand apart
+    assert ticks[:4] == [f"20, {side} drives, {way}" for side in ("input", "output") for way in ("forward", "reverse")]
+    assert ticks[-1] == "412, output drives, reverse"
 
 
 def test_what_all_bars_share_is_said_once() -> None:
@@ -76,9 +73,6 @@ def test_the_loop_has_both_branches_and_the_lost_motion_between_their_middles() 
     assert y[1] - y[0] == pytest.approx(wanted.mean() / ARCSEC, rel=1e-3)
     np.testing.assert_allclose(loop.lost_motion("12.36 N*m"), wanted, rtol=1e-3)
     assert "mean over 2 angles" in ax.get_title()
-    (inset,) = ax.child_axes
-    assert inset.get_xlim() == pytest.approx((-4 * 12.36, 4 * 12.36))
-    np.testing.assert_array_equal(line(inset, "torque rises")[1], line(ax, "torque rises")[1])
 
 
 def test_the_lost_motion_of_a_loop_by_hand() -> None:
@@ -92,8 +86,7 @@ def test_the_lost_motion_of_a_loop_by_hand() -> None:
     for size, said in ((1e4, "no torques on both sides of 10 N"), (5e4, "50 N"), (0, "torque = 0 N.m: must be above")):
         with pytest.raises(ValueError, match=said):
             loop.lost_motion(size)
-    assert not loop.plot().child_axes
-    with pytest.raises(InputError, match=r"both sides of -412 N\*m, 3 % of the rated torque"):
+    with pytest.raises(InputError, match=r"both sides of \+-412 N\*m, 3 % of the rated torque"):
         loop.plot(rated=412e3 / 0.03)
 
 

@@ -15,10 +15,10 @@ from rverror import InputError
 def test_processes_stand_beside_what_their_tolerances_allow() -> None:
     """Cp is 1.25 for cams of 2 um: 2.5 um would fit."""
     ax = lot().plot()
-    value, row = line(ax, "made, 95 % interval")
+    value, row = line(ax, "told from none")
     np.testing.assert_allclose(value, [1.0, 4.0, 2.0])
     np.testing.assert_allclose(row, [1, 2, 3])
-    np.testing.assert_allclose(line(ax, "allowed by the tolerance, Cp = 1"), [[2.5], [3]])
+    np.testing.assert_allclose(np.array(line(ax, "allowed by the tolerance, Cp = 1"))[:, 3], [2.5, 3])
     np.testing.assert_allclose(line(ax, "not told from none"), [[1.0], [0]])
     ends = np.array([segment[:, 0] for c in ax.collections for segment in c.get_segments()])
     np.testing.assert_allclose(sorted(map(tuple, ends)), [(0.8, 1.3), (0.8, 1.3), (1.6, 2.6), (3.2, 5.2)])

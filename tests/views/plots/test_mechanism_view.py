@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from drawn import arrows, legend
 from rverror import Drive, InputError, Model, Reducer, effect, equilibrium, reducer
-from rverror.views.plots.drawing import to_bytes
+from rverror.views.plots.figure import to_bytes
 
 UNITS = {
     "RV-40E": reducer("RV-40E"),
@@ -40,14 +40,19 @@ def outline(ax: Axes, disc: int) -> np.ndarray:
 
 
 def scale(ax: Axes, what: str) -> float:
-    """Core units for each mm of the drawing, from the arrow and the words of the key."""
-    _, lengths = arrows(ax, "scale")
-    texts = [t.get_text() for t in ax.texts if ": " in t.get_text() and "not drawn" not in t.get_text()]
-    (place,) = [at for at, text in enumerate(texts) if what in text]
-    stated = re.search(r": (\S+) (kN|N|um)$", texts[place])
+    """Core units for each mm of the drawing, from the words of the key."""
+    first, *told = key(ax)
+    assert first == "10 mm of an arrow are"
+    (text,) = [text for text in told if what in text]
+    stated = re.search(r": (\S+) (N|um)$", text)
     assert stated
-    size = float(stated[1]) * {"kN": 1e3, "N": 1.0, "um": 1e-3}[stated[2]]
-    return size / float(np.hypot(*lengths[place]))
+    return float(stated[1]) * {"N": 1.0, "um": 1e-3}[stated[2]] / 10
+
+
+def key(ax: Axes) -> list[str]:
+    box = ax.get_legend()
+    assert box is not None
+    return box.get_title().get_text().splitlines()
 
 
 def off_outline(point: np.ndarray, edge: np.ndarray) -> float:
@@ -143,17 +148,7 @@ def test_forces_at_a_load_are_those_of_the_equilibrium() -> None:
         assert len(vectors) == state.loaded_pins[disc, 0]
         drawn = np.sort(scale(ax, "pins") * np.hypot(*vectors.T))
         solved = np.linalg.norm(state.contact_forces["pin"][disc, :, :, 0], axis=-1)
-        assert drawn == pytest.approx(np.sort(solved[solved > 0]), rel=1e-6)
-
-
-def test_scales_may_be_given_and_are_stated() -> None:
-    ax = UNITS["RV-40E"].plot(pin_scale=0.1, bearing_scale=0.002)
-    assert [t.get_text() for t in ax.texts] == [
-        "forces of pins and sun: 100 N",
-        "forces in the bearings of the cranks: 5 kN",
-    ]
-    assert scale(ax, "pins") == pytest.approx(1 / 0.1)
-    assert scale(ax, "bearings") == pytest.approx(1 / 0.002)
+        assert drawn == pytest.approx(np.sort(solved[solved > 0]), rel=5e-3)
 
 
 # --- errors -----------------------------------------------------------------------------------------------------------
@@ -164,25 +159,25 @@ def test_error_arrows_are_the_declared_sizes() -> None:
     to_mm = scale(ax, "errors")
     lead = -39 * THETA + np.pi  # of the cam for disc 1, which is the driven surface
     (tail,), (cam,) = arrows(ax, "cam error, disc 1")
-    assert to_mm * cam == pytest.approx(-0.004 * np.array([np.cos(lead), np.sin(lead)]))
+    assert to_mm * cam == pytest.approx(-0.004 * np.array([np.cos(lead), np.sin(lead)]), rel=5e-3)
     assert np.hypot(*(tail - 27 * np.array([np.cos(THETA), np.sin(THETA)]))) == pytest.approx(1.25)
     at = 2 * np.pi * 30 / 40
     pin = 0.006 * np.array([np.cos(at), np.sin(at)]) - 0.002 * np.array([-np.sin(at), np.cos(at)])
     for disc in range(2):
         _, (vector,) = arrows(ax, f"pin error, disc {disc}")
-        assert to_mm * vector == pytest.approx(pin)
+        assert to_mm * vector == pytest.approx(pin, rel=5e-3)
 
 
 def test_errors_at_one_contact_are_added_and_clearance_lies_along_its_force() -> None:
     twice = (ERRORS[0], effect("cycloid.disc_bore_position", disc=1, crank=0, radial="3 um"))
     ax = Model(UNITS["RV-40E"], twice).plot(kind="mechanism")
     (_,), (vector,) = arrows(ax, "cam error, disc 1")  # at 0 the eccentric of disc 1 points along -x
-    assert scale(ax, "errors") * vector == pytest.approx([0.007, 0.0], abs=1e-12)
+    assert scale(ax, "errors") * vector == pytest.approx([0.007, 0.0], rel=5e-3, abs=1e-12)
     play = Model(UNITS["RV-40E"], (effect("coupling.bearing_clearance", clearance="5 um"),))
     ax = play.plot(kind="mechanism", theta=THETA)
     _, slack = arrows(ax, "carrier error")
     _, force = arrows(ax, "carrier force")
-    assert scale(ax, "errors") * np.hypot(*slack.T) == pytest.approx([0.005, 0.005])
+    assert scale(ax, "errors") * np.hypot(*slack.T) == pytest.approx([0.005, 0.005], rel=5e-3)
     assert (slack * force).sum(axis=1) == pytest.approx(-np.hypot(*slack.T) * np.hypot(*force.T))
 
 
@@ -195,7 +190,9 @@ def test_of_a_gear_mesh_the_driving_flank_is_drawn() -> None:
         assert len(tails) == 2
         found[direction] = scale(ax, "errors") * vectors
     assert found[1.0] == pytest.approx(-found[-1.0])  # half the thinning off either flank
-    assert found[1.0][0] == pytest.approx([0.0, -0.010], abs=1e-9)  # the sun's flank draws back from planet 0, on +x
+    assert found[1.0][0] == pytest.approx(
+        [0.0, -0.010], rel=5e-3, abs=1e-9
+    )  # the sun's flank draws back from planet 0, on +x
 
 
 def test_errors_that_are_angles_are_listed() -> None:
@@ -204,7 +201,7 @@ def test_errors_that_are_angles_are_listed() -> None:
         (effect("crank.index", crank=0, angle="1 arcmin"), effect("sensor.encoder_eccentricity", cos="3 arcsec")),
     )
     ax = model.plot(kind="mechanism")
-    assert ax.texts[-1].get_text() == "not drawn, angles: crank.index, sensor.encoder_eccentricity"
+    assert key(ax)[-1] == "not drawn, angles: crank.index, sensor.encoder_eccentricity"
     assert not [c for c in ax.collections if "error" in (c.get_gid() or "")]
 
 
@@ -225,9 +222,6 @@ def test_lengths_are_true_in_both_directions() -> None:
     (x0, y0), (x1, y1) = ax.transData.transform([(0, 0), (10, 10)])
     assert x1 - x0 == pytest.approx(y1 - y0, rel=1e-3)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x, mm", "y, mm")
-    low, high = ax.get_ylim()
-    for text in ax.texts:
-        assert low < text.get_position()[1] < high
 
 
 def test_one_disc_alone() -> None:

@@ -10,9 +10,9 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 
 from drawn import luminance, neighbours_differ, units_missing
-from rverror import Drive, InputError, Model, Run, effect, equilibrium, reducer, run_from_arrays
+from rverror import InputError, Run, reducer, run_from_arrays
 from rverror.base.units import ARCSEC
-from rverror.views.plots.drawing import order_map
+from rverror.views import order_map
 
 UNIT = reducer("RV-40E")
 THETA = 2 * np.pi * np.arange(3 * 512) / 512
@@ -90,22 +90,3 @@ def test_what_a_run_must_hold() -> None:
         order_map([run("5 N*m", 1.0)], ratio=UNIT, by="speed")
     with pytest.raises(InputError, match=r"one run or more"):
         order_map([], ratio=UNIT)
-
-
-def test_a_model_over_torques_is_its_equilibrium() -> None:
-    model = Model(UNIT, (effect("crank.eccentricity", crank=0, disc=1, radial="5 um"),))
-    ax = model.plot(kind="order_map", torques=["200 N*m", "20 N*m"], points=256, direction=-1.0)
-    assert rows(ax) == ["20", "200"]
-    theta = 2 * np.pi * np.arange(256) / 256
-    for row, torque in enumerate(("20 N*m", "200 N*m")):
-        state = equilibrium(model, theta, torque=torque, direction=-1.0)
-        expected = abs(2 * np.mean(state.transmission_error * np.exp(-40j * theta))) / ARCSEC
-        assert cell(ax, row, 40) == pytest.approx(expected, rel=1e-6)
-    assert ax.get_xlim()[1] == 127  # as far as 256 angles go
-
-
-def test_a_map_over_torques_needs_a_reducer_and_torques() -> None:
-    with pytest.raises(InputError, match=r"\[reducer\]"):
-        Model(Drive(ratio=10.0)).plot(kind="order_map")
-    with pytest.raises(InputError, match=r"'RV-003' has no rated_torque; give torques="):
-        Model(reducer("RV-003")).plot(kind="order_map")

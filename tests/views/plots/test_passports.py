@@ -14,8 +14,8 @@ from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.result import Diagnosis, OrderShare
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
-from rverror.views.plots.drawing import diagnosis_figure
-from rverror.views.plots.passports import order_shares, passport_plot
+from rverror.views.plots.order_tables import order_shares, passport_plot
+from rverror.views.plots.page_figures import figure_of
 
 TORQUES = (0.0, 5e5, 1e6)
 
@@ -34,7 +34,7 @@ def cases(orders: int = 2) -> list[OrderCase]:
 
 def test_points_and_lines_are_the_amplitudes() -> None:
     table = cases()
-    ax = passport_plot(passport(table), table)
+    ax = passport_plot(passport(table))
     x, y = line(ax, "order 1, forward")
     assert x == pytest.approx([0, 500, 1000])
     assert y == pytest.approx([1, 2, 3])
@@ -45,7 +45,7 @@ def test_points_and_lines_are_the_amplitudes() -> None:
 
 
 def test_a_table_draws_its_own_passport() -> None:
-    drawn, own = passport_plot(passport(cases()), cases()), OrderTable(cases=tuple(cases())).plot(kind="passport")
+    drawn, own = passport_plot(passport(cases())), OrderTable(cases=tuple(cases())).plot(kind="passport")
     for one, other in zip(drawn.get_lines(), own.get_lines(), strict=True):
         assert one.get_label() == other.get_label()
         np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
@@ -53,7 +53,7 @@ def test_a_table_draws_its_own_passport() -> None:
 
 def test_grey_print_tells_directions_and_orders_apart() -> None:
     table = cases()
-    ax = passport_plot(passport(table), table)
+    ax = passport_plot(passport(table))
     marks = [item for item in ax.get_lines() if item.get_linestyle() == "None"]
     looks = {(item.get_marker(), item.get_markerfacecolor() == "white") for item in marks}
     assert len(looks) == len(marks) == 4
@@ -63,18 +63,17 @@ def test_grey_print_tells_directions_and_orders_apart() -> None:
 
 def test_the_strongest_six_are_drawn() -> None:
     table = cases(orders=8)
-    assert legend(passport_plot(passport(table), table))[::2] == [f"order {k}, forward" for k in range(1, 7)]
+    assert legend(passport_plot(passport(table)))[::2] == [f"order {k}, forward" for k in range(1, 7)]
 
 
 def test_no_torque_is_no_plot() -> None:
     table = [OrderCase(condition=TableCondition(direction=1.0), orders=np.array([1.0]), waves=np.array([1e-6 + 0j]))]
     with pytest.raises(InputError, match="torque"):
-        passport_plot(passport(table), table)
+        passport_plot(passport(table))
 
 
-def diagnosed(torque: float | None = 1e5) -> Diagnosis:
+def diagnosed(table: list[OrderCase]) -> Diagnosis:
     """Of a table with two orders, of which the second is worked against by part errors."""
-    table = [replace(case, condition=replace(case.condition, torque=torque)) for case in cases()[:1]]
     shares = (
         OrderShare(1.0, 60 * ARCSEC, 0.1, 0.2, 0.6, 0.1, 0.0),
         OrderShare(2.0, 0.5 * ARCSEC, -0.25, 0.25, 0.0, 0.4, 0.6),
@@ -83,7 +82,7 @@ def diagnosed(torque: float | None = 1e5) -> Diagnosis:
 
 
 def test_shares_stand_on_one_another_and_what_works_against_them_below_zero() -> None:
-    ax = order_shares(diagnosed())
+    ax = order_shares(diagnosed(cases()))
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
         "part errors", "compliance", "measuring chain", "law only", "nothing"
     ]  # fmt: skip
@@ -97,11 +96,11 @@ def test_shares_stand_on_one_another_and_what_works_against_them_below_zero() ->
 
 
 def test_a_diagnosis_of_tables_is_drawn_by_its_passport_and_shares() -> None:
-    """It has no waveform, and one without loads no passport over them."""
-    assert [len(diagnosis_figure(diagnosed(torque)).axes) for torque in (1e5, None)] == [2, 1]
-    (x, y) = line(diagnosis_figure(diagnosed()).axes[0], "order 1, forward")
-    assert (list(x), list(y)) == (pytest.approx([100.0]), pytest.approx([1.0]))
-    with pytest.raises(InputError, match="order tables have no waveform; draw the table with kind='passport'"):
-        diagnosed().plot()
+    """It has no waveform, and one of a single load no passport over loads."""
+    assert [len(figure_of(diagnosed(table)).axes) for table in (cases(), cases()[:1])] == [2, 1]
+    (x, y) = line(figure_of(diagnosed(cases())).axes[0], "order 1, forward")
+    assert (list(x), list(y)) == (pytest.approx([0.0, 500.0, 1000.0]), pytest.approx([1.0, 2.0, 3.0]))
+    with pytest.raises(InputError, match="order tables have no waveform; draw kind='passport'"):
+        diagnosed(cases()).plot()
     with pytest.raises(InputError, match="no order table was diagnosed"):
         order_shares(diagnosis())

@@ -58,5 +58,5 @@ def test_the_lost_motion_is_read_on_its_own_branch() -> None:
 def test_a_curve_of_one_branch_has_no_lost_motion() -> None:
     one = TorsionCurve(np.array([1e5, 2e5]), np.array([[1e-4], [2e-4]]))
     assert legend(one.plot()) == ["torque counter-clockwise"]
-    with pytest.raises(InputError, match=r"-12\.36 N\*m, 3 % of the rated torque"):
+    with pytest.raises(InputError, match=r"12\.36 N\*m, 3 % of the rated torque"):
         one.plot(rated="412 N*m")

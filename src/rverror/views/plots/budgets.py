@@ -21,12 +21,10 @@ from rverror.views.plots import style
 from rverror.views.plots.figure import (
     OUTPUT_ANGLE,
     Axes,
-    Figure,
     axes_for,
     axes_of_rows,
     for_drawing,
     labelled,
-    new_figure,
     over_angle,
     plain,
     signal_label,
@@ -46,19 +44,6 @@ def _unit(found: object) -> list[str]:
     if not isinstance(found, ErrorBudget):
         return []
     return [unit_name(found.model), *stated(direction=found.direction)]
-
-
-def budget_figure(found: ErrorBudget, *, limit: Any | None = None) -> Figure:
-    """Contributions above the distribution of the peak-to-peak, and its yield at a limit, rad or with a unit.
-
-    Below both stand the units at the load, where there are any.
-    """
-    figure, (upper, middle, *lower) = new_figure(2 if found.at_load is None else 3, height=3.6)
-    contributions(found, ax=upper)
-    distribution(found, limit=limit, ax=middle)
-    for ax in lower:
-        at_load(found, ax=ax)
-    return figure
 
 
 def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
@@ -99,8 +84,8 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None,
         ax.axvline(value, color=_DARK, ls=dashes, lw=1.3, label=f"P{100 * level:g}: {value:.1f} arcsec")
     if limit is not None:
         share, at = drawn.yield_at(limit), units.named_core("limit", limit, "angle") / ARCSEC
-        ends = f"95 % interval of the estimate\n{100 * share.low:.4g} to {100 * share.high:.4g} %"
-        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass,\n{ends}"
+        ends = f"95 % interval of the estimate {100 * share.low:.4g} to {100 * share.high:.4g} %"
+        label = f"limit {at:g} arcsec: {100 * share.value:.4g} % pass, {ends}"
         ax.axvline(at, color=_LIMIT, lw=1.8, label=label)
     return labelled(
         ax,
@@ -183,14 +168,6 @@ def _ends(interval: tuple[float, float]) -> str:
     return f"{100 * interval[0]:.4g} to {100 * interval[1]:.4g}"
 
 
-def allocation_figure(found: Allocation) -> Figure:
-    """Units at the load above the cost of each tolerance."""
-    figure, (upper, lower) = new_figure(2, height=3.6)
-    at_load(found, ax=upper)
-    costs(found, ax=lower)
-    return figure
-
-
 def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     """Each tolerance over what it was: tighter to the left, wider to the right."""
     ratio = np.divide(found.widths, found.widths_before)
@@ -203,28 +180,27 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
         if mask.any():
             ax.plot(ratio[mask], at[mask], mark, color=_DARK, mfc=face, ms=6, label=label)
     ax.axvline(1.0, color=_LIMIT, lw=0.8)
-    ax.set_xscale("log")
-    reach = 1.15 * max(float(np.max(np.abs(np.log(ratio)), initial=0.0)), np.log(1.5))
-    ax.set_xlim(np.exp(-reach), np.exp(reach))
-    marks = [m for m in (0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if abs(np.log(m)) <= reach]
-    ax.set_xticks(marks, [f"{m:g}" for m in marks])
-    ax.minorticks_off()
-    what, x = f"Widths of least cost for {_within(found)}", "tolerance found over tolerance as given (a number)"
-    return labelled(ax, what, x=x, legend="below" if held.any() else "")
+    ax.set_xscale("log", base=2)
+    ax.xaxis.set_major_formatter("{x:g}")
+    reach = 1.15 * max(float(np.max(np.abs(np.log(ratio)), initial=0.0)), np.log(2.0))
+    what = f"Widths of least cost for {_within(found)}"
+    cost = f"cost {found.cost:.4g}, as given {found.cost_before:.4g}"
+    x = "tolerance found over tolerance as given (a number)"
+    limits = (np.exp(-reach), np.exp(reach))
+    return labelled(ax, what, cost, x=x, xlim=limits, legend="below" if held.any() else "")
 
 
-def costs(found: Allocation, *, ax: Axes | None = None) -> Axes:
-    """Cost of each tolerance as given and as found."""
-    before, after = np.array(found.costs_before), np.array(found.costs)
-    order = np.argsort(after, kind="stable")
-    ax, at = axes_of_rows(ax, [plain(found.labels[e]) for e in order])
-    ax.barh(at + 0.2, np.nan_to_num(before[order]), label=f"as given, {found.cost_before:.4g} in all", **_HATCHED)
-    ax.barh(at - 0.2, after[order], height=0.38, color=_DARK, label=f"found, {found.cost:.4g} in all")
-    return labelled(ax, f"Cost of each tolerance for {_within(found)}", x=_COST)
+def cost_against_limit(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | None = None) -> Axes:
+    """Least cost against the limit, with an allocation marked.
 
+    Where a limit cannot be met there is no cost: a cross at the bottom, and no line over it.
 
-def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | None = None) -> Axes:
-    """`cost_against_limit` with an allocation marked; the front is that of `cost_front`.
+    Parameters
+    ----------
+    found : Allocation
+    front : sequence of FrontPoint
+        Of `cost_front`.
+    ax : Axes, optional
 
     Raises
     ------
@@ -233,23 +209,6 @@ def front_of(found: Allocation, *, front: Sequence[FrontPoint] = (), ax: Axes | 
     """
     if not front:
         raise InputError("a front of cost is computed from the stack; give front=, from cost_front(stack, limits)")
-    return cost_against_limit(front, found, ax=ax)
-
-
-def front_figure(front: Sequence[FrontPoint], chosen: Allocation | None = None) -> Figure:
-    """`cost_against_limit` in a figure of its own."""
-    figure, (ax,) = new_figure(1, height=4.0)
-    cost_against_limit(front, chosen, ax=ax)
-    return figure
-
-
-def cost_against_limit(
-    front: Sequence[FrontPoint], chosen: Allocation | None = None, *, ax: Axes | None = None
-) -> Axes:
-    """Least cost against the limit, one allocation marked where chosen.
-
-    Where a limit cannot be met there is no cost: a cross at the bottom, and no line over it.
-    """
     ax = axes_for(ax)
     ordered = sorted(front, key=lambda point: point.limit)
     limits = np.array([point.limit for point in ordered]) / ARCSEC
@@ -257,13 +216,11 @@ def cost_against_limit(
     ax.plot(limits, least, color=_DARK, marker="o", ms=4, label="least cost")
     missed = limits[np.isnan(least)]
     if missed.size:
-        bottom = ax.get_xaxis_transform()
+        place: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
         crosses = np.full(missed.size, 0.02)
-        ax.plot(missed, crosses, "x", color=_LIMIT, transform=bottom, clip_on=False, label="cannot be met: no cost")
-    if chosen is not None and chosen.limit is not None:
-        ax.plot(chosen.limit / ARCSEC, chosen.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
-        if np.isfinite(chosen.cost_before):
-            ax.axhline(chosen.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
-    if chosen is None and np.isnan(least).all():
-        ax.set_yticks([])
+        ax.plot(missed, crosses, "x", color=_LIMIT, label="cannot be met: no cost", **place)
+    if found.limit is not None:
+        ax.plot(found.limit / ARCSEC, found.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
+    if np.isfinite(found.cost_before):
+        ax.axhline(found.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
     return labelled(ax, "Least cost of the tolerances against the limit", x="limit, arcsec", y=_COST, columns=2)

@@ -1,4 +1,4 @@
-"""Plots of a diagnosis: waveform, residual, spectrum, runs and candidates; axes in, axes out.
+"""Plots of a diagnosis and of a compensation: waveforms before and after, orders, candidates, natural frequencies.
 
 Options that are not described here mean what `drawing.draw` says of them.
 """
@@ -6,6 +6,7 @@ Options that are not described here mean what `drawing.draw` says of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -14,41 +15,42 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief
+from rverror.base.numbers import brief, with_unit
 from rverror.base.text import describe, file_name
+from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import residual_spectrum
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     ORDER,
     Axes,
-    Figure,
     axes_for,
     axes_of_rows,
     for_drawing,
     in_shown_unit,
     labelled,
-    legend_below,
-    new_figure,
     over_angle,
     plain,
     shown_unit,
     signal_label,
     stated,
-    tallest,
 )
-from rverror.views.plots.passports import table_figure
-from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
+from rverror.views.plots.peaks import frame_name, resolution
+from rverror.views.plots.spectra import Lines, draw_lines
 from rverror.views.plots.waveforms import unit_name
+from rverror.views.resonance_report import law_of
 from rverror.views.set_aside import LABELS, marks
 
 _BEFORE, _AFTER = style.ORANGE, style.BLUE
+_LOOKS = ((_BEFORE, style.DASHED, 1.2), (_AFTER, "solid", 0.9))
 _BAND = 0.75  # of its colour, that the model's band has under what was measured
 _HIGHEST = 260.0
-_NEIGHBOURS = 25  # lines whose median stands for what noise leaves
-_STANDS_OUT = 8.0  # times that median, of all lines
-_SAME_ORDER = 1e-6
+_NEIGHBOURS = 25  # lines whose median tells what noise leaves
+_MEDIAN = math.sqrt(math.log(2))  # of their rms: amplitudes of noise are Rayleigh's
+_MARKS = "os^DvP"  # tell orders apart in grey
+_FRAMED = 3.0  # times the lowest and highest frequency found, that are shown
 _RANKED = 10  # candidates for which there is room
+_DECADES = 30.0  # times the smallest difference of scores, beyond which their axis is logarithmic
 _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
 _MARKERS = {"aside": (_TICK_UP, 9.0, 1.2), "slip": (_CARET_UP_BASE, 7.0, 0.0)}  # marker, its size and line width
 
@@ -75,16 +77,9 @@ def _mark(ax: Axes, trace: Trace) -> None:
     """Marks on the axis where samples were set aside and where the reading slips."""
     for one in marks(trace):
         marker, size, width = _MARKERS[one.kind]
-        look: dict[str, Any] = {
-            "marker": marker,
-            "ms": size,
-            "mew": width,
-            "ls": "none",
-            "color": style.BLACK,
-            "clip_on": False,
-        }
-        on_axis = np.zeros(one.angles.size)
-        ax.plot(np.degrees(one.angles), on_axis, transform=ax.get_xaxis_transform(), label=LABELS[one.kind], **look)
+        look: dict[str, Any] = {"marker": marker, "ms": size, "mew": width, "ls": "none", "color": style.BLACK}
+        place: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+        ax.plot(np.degrees(one.angles), np.zeros(one.angles.size), label=LABELS[one.kind], **look, **place)
 
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -99,121 +94,182 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     """
     trace = _trace(diagnosis, run)
     ax = axes_for(ax)
-    unit = shown_unit(diagnosis.quantity)
-    looks = (("before", _BEFORE, style.DASHED, 1.2), ("after", _AFTER, "solid", 0.9))
-    for (word, colour, dashes, width), rest in zip(looks, trace.residual, strict=True):
-        values = in_shown_unit(rest - rest.mean(), diagnosis.quantity)
-        label = f"{word}, rms {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit}"
-        ax.plot(*for_drawing(np.degrees(trace.theta), values), color=colour, ls=dashes, lw=width, label=label)
+    rows = {word: rest - rest.mean() for word, rest in zip(("before", "after"), trace.residual, strict=True)}
+    _before_and_after(ax, trace.theta, rows, diagnosis.quantity)
     ax.axhline(0, color=style.BLACK, lw=0.4)
     _mark(ax, trace)
     what = "residual, left-out stretches" if trace.left_out else "residual"
     title = [what, unit_name(diagnosis.declared), *_trace_title(trace)]
-    return over_angle(ax, *title, y=f"measured less model, {unit}")
+    return over_angle(ax, *title, y=f"measured less model, {shown_unit(diagnosis.quantity)}")
 
 
-def runs(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Rms of the residual of each run before and after; of stretches left out of the fit, where there are any."""
-    unit = shown_unit(diagnosis.quantity)
-    pairs = np.array([[np.std(values) for values in trace.residual] for trace in diagnosis.traces]).reshape(-1, 2)
-    before, after = in_shown_unit(pairs, diagnosis.quantity).T
-    ax, at = axes_of_rows(ax, [", ".join(_trace_title(trace)) for trace in diagnosis.traces], upwards=False)
-    ax.hlines(at, after, before, color=style.GREY, lw=2.0)
-    ax.plot(before, at, "s", color=_BEFORE, mec=style.BLACK, ms=8, label="before")
-    ax.plot(after, at, "o", color=_AFTER, mec=style.BLACK, ms=6, label="after")
-    noise = float(in_shown_unit(np.array([diagnosis.noise_rms]), diagnosis.quantity)[0])
-    label = f"noise of a single reading, {brief(noise, 3)} {unit}"
-    ax.axvline(noise, color=style.BLACK, ls=style.DASHES[2], lw=1.0, label=label)
-    held = all(trace.left_out for trace in diagnosis.traces) and bool(diagnosis.traces)
-    return labelled(
-        ax,
-        "residual of each run",
-        "left-out stretches" if held else "",
-        unit_name(diagnosis.declared),
-        x=f"rms of the residual, {unit}",
-        xlim=(0, 1.08 * max(noise, float(pairs.size and max(before.max(), after.max()))) or 1.0),
+def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes | None = None) -> Axes:
+    """Error of one run without and with the correction: of stretches left out, or of a run that no fit saw.
+
+    Parameters
+    ----------
+    made : Compensation
+    run : int, optional
+        Which, counted from 0, the fitted first; the first that no fit saw where left out, else the first.
+    """
+    if not made.traces:
+        raise InputError("the compensation is of order tables and has no waveform; draw kind='orders'")
+    if run is None:
+        run = next((n for n, trace in enumerate(made.traces) if trace.unseen), 0)
+    if not 0 <= run < len(made.traces):
+        raise InputError(f"run = {run}: must be 0 to {len(made.traces) - 1}")
+    ax = axes_for(ax)
+    trace = made.traces[run]
+    rank = np.argsort(trace.theta, kind="stable")
+    what = "seen by no fit" if trace.unseen else "stretches left out"
+    rows = {"measured": trace.before[rank], f"compensated, {what}": trace.after[rank]}
+    _before_and_after(ax, trace.theta[rank], rows, "angle")
+    return over_angle(ax, *_unit(made), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
+
+
+def _before_and_after(ax: Axes, theta: Array, rows: Mapping[str, Array], quantity: str) -> None:
+    """Lines before and after, with the rms of each."""
+    for (word, row), (colour, dashes, width) in zip(rows.items(), _LOOKS, strict=True):
+        values = in_shown_unit(row, quantity)
+        label = f"{word}: {brief(float(np.sqrt(np.mean(values**2))), 3)} {shown_unit(quantity)} rms"
+        ax.plot(*for_drawing(np.degrees(theta), values), color=colour, ls=dashes, lw=width, label=label)
+
+
+def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = None) -> Axes:
+    """Amplitude of the largest orders without the correction, and what data left out keep of them.
+
+    Parameters
+    ----------
+    made : Compensation
+    most : int
+        So many orders are drawn; the title says of how many.
+    """
+    if not made.worth:
+        raise InputError("nothing survives on data left out, so there is no order to draw")
+    if most < 1:
+        raise InputError(f"most = {most}: must be 1 or more")
+    ax = axes_for(ax)
+    drawn = sorted(made.orders[:most], key=lambda one: one.order)
+    place = np.arange(len(drawn))
+    before, left = (
+        in_shown_unit(np.array([getattr(one, of) for one in drawn]), "angle") for of in ("amplitude", "left")
     )
+    ax.vlines(place, left, before, color=style.BLACK, lw=0.5, zorder=0)
+    ax.plot(place, before, "o", color=_BEFORE, label="measured")
+    ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
+    ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
+    of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
+    title = ["orders compensated", *_unit(made), of]
+    return labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit('angle')}", yscale="log")
+
+
+def _unit(made: Compensation) -> list[str]:
+    return [] if made.model is None else [unit_name(made.model)]
 
 
 def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     """Candidates by their score behind the best: what a linear step with each takes off the objective."""
     ranking = diagnosis.candidates
     shown = ranking[:_RANKED]
-    ax, _ = axes_of_rows(ax, [plain(describe(one.key, one.indices)) for one in shown], upwards=False)
+    ax, at = axes_of_rows(ax, [plain(describe(one.key, one.indices)) for one in shown], upwards=False)
     # fits at the load choose, not these scores of linear waveforms
     alike = [
         cause for one in diagnosis.added for cause in ((one.effect.key, one.effect.indices), *one.indistinguishable)
     ]
-    behind = [ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown]
-    for at, (candidate, difference) in enumerate(zip(shown, behind, strict=True)):
-        face = _AFTER if (candidate.key, candidate.indices) in alike else "white"
-        ax.plot([difference], [at], "o", color=_AFTER, mfc=face, ms=5)
-    gain = f"the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "none was scored"
-    added = ", ".join(plain(describe(one.effect.key, one.effect.indices)) for one in diagnosis.added)
-    title = f"candidates: {gain}\n" + (f"added: {added}" if added else "nothing added")
-    ax.set(xlabel="score behind the best, fall of the objective by a linear step (a number)", title=title)
-    ax.title.set_fontsize("medium")
-    if not ranking:
-        ax.set_xlim(0, 1)
-        return ax
-    _spread(ax, behind)
-    from matplotlib.lines import Line2D
-
-    marks = [("white", "others")]
-    if added:
-        marks.insert(0, (_AFTER, "added at the load, and what cannot be told from it"))
-    handles = [Line2D([], [], marker="o", ls="", color=_AFTER, mfc=face, label=label) for face, label in marks]
-    legend_below(ax, columns=2, handles=handles)
-    return ax
-
-
-def _spread(ax: Axes, behind: list[float]) -> None:
-    """Linear, but where differences reach over decades: then logarithmic above the smallest one."""
-    apart = sorted(value for value in behind if value > 0)
-    if apart and apart[-1] > 30 * max(apart[0], 1.0):
-        start = 10.0 ** math.floor(math.log10(max(apart[0], 1.0)))
-        ax.set_xscale("symlog", linthresh=start, linscale=0.5)
-        ax.set_xlim(left=-0.3 * start)
+    behind = np.array([ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown])
+    added = np.array([(candidate.key, candidate.indices) in alike for candidate in shown], dtype=np.bool_)
+    for mask, face, label in (
+        (added, _AFTER, "added at the load, and what cannot be told from it"),
+        (~added, "white", "others"),
+    ):
+        if mask.any():
+            ax.plot(behind[mask], at[mask], "o", color=_AFTER, mfc=face, ms=5, label=label)
+    apart = behind[behind > 0]
+    if apart.size and apart.max() > _DECADES * max(apart.min(), 1.0):
+        ax.set_xscale("symlog", linthresh=max(apart.min(), 1.0), linscale=0.5)
+    named = ", ".join(plain(describe(one.effect.key, one.effect.indices)) for one in diagnosis.added)
+    return labelled(
+        ax,
+        f"candidates: the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "no candidate was scored",
+        f"added: {named}" if named else "nothing added",
+        x="score behind the best, fall of the objective by a linear step (a number)",
+        xlim=(None, None) if ranking else (0, 1),
+        columns=2,
+    )
 
 
 def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None = None, ax: Axes | None = None) -> Axes:
     """Order spectrum of the residual of one run before and after, with the strongest peaks named by their frames.
 
     Where `highest` is left out, orders up to 260 are shown, what was found above it, or what the run holds.  The floor
-    is the median of 25 neighbouring lines of the residual after: what noise leaves, as lines are few.
+    is what noise leaves by the median of 25 neighbouring lines of the residual after, as lines are few.
     """
     trace = _trace(diagnosis, run)
-    ax = axes_for(ax)
     found = residual_spectrum(trace)
-    order, before, after = found.order, *(in_shown_unit(v, diagnosis.quantity) for v in (found.before, found.after))
-    shown = order <= (highest or _last_found(diagnosis))
-    middle = float(np.median(after))
-    bottom = max(middle / 30, 1e-5)
-    ax.vlines(*_stems(order[shown], bottom, before[shown]), color=_BEFORE, lw=1.6, label="residual before")
-    ax.vlines(*_stems(order[shown], bottom, after[shown]), color=_AFTER, lw=0.9, label="residual after")
-    floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest")
-    shown_floor = for_drawing(order[shown], np.maximum(floor, bottom)[shown])
-    ax.plot(*shown_floor, color=style.BLACK, lw=1.0, ls=style.DASHED, label="noise floor")
-    within = resolution(order)
-    apart = max(2, math.ceil(np.count_nonzero(shown) / 52), LOBE if within else 1)
-    size = np.where(shown, before, 0.0)
-    lobes = SIDELOBES * float(size.max(initial=0.0)) if within else 0.0
-    least = np.maximum(_STANDS_OUT * np.maximum(floor, middle), max(bottom, lobes))
-    for line in diagnosis.unexplained:
-        least[np.abs(order - line.order) <= max(within, _SAME_ORDER)] = bottom
-    chosen = strongest(size, floor=least, apart=apart)
-    ax.margins(x=0.01)
-    top = max(float(size.max(initial=0.0)), float(after[shown].max(initial=0.0)), 10 * bottom)
-    name = partial(frame_name, diagnosis.declared.mechanism, within=within)
+    before, after = (in_shown_unit(v, diagnosis.quantity) for v in (found.before, found.after))
+    floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest") / _MEDIAN
+    rows = [
+        ("residual before", Lines(found.order, before, floor)),
+        ("residual after", Lines(found.order, after, floor, "noise, rms")),
+    ]
+    name = partial(frame_name, diagnosis.declared.mechanism, within=resolution(found.order))
     title = ["residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace)]
-    labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit(diagnosis.quantity)}")
-    name_peaks(ax, order[chosen], before[chosen], name, bottom=bottom, top=top)
-    return ax
+    last = highest or min(_last_found(diagnosis), float(found.order[-1]))
+    return draw_lines(rows, name, title=title, unit=shown_unit(diagnosis.quantity), highest=last, ax=ax)
 
 
-def _stems(order: Array, bottom: float, size: Array) -> tuple[Array, float, Array]:
-    place, height = tallest(order, size)
-    return place, bottom, height
+def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """Amplitude over its frequency of each order that shows a natural frequency, at its largest load, with the law.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    ax : Axes, optional
+        Where to draw; a new figure where left out.
+
+    Returns
+    -------
+    Axes
+        Natural frequencies as grey bands from end to end of their intervals.
+
+    Raises
+    ------
+    InputError
+        If no natural frequency was found.
+    """
+    found = diagnosis.resonances
+    if not found:
+        raise InputError(
+            "no order shows a natural frequency; give order tables, or runs with time, at six speeds or more"
+        )
+    ax = axes_for(ax, height=4.2)
+    shown = [(one, order) for one in found for order in one.orders]
+    for one in found:
+        low, high = np.nan_to_num([one.low, one.high], nan=one.frequency)
+        ax.axvspan(low, high, color=style.GREY, alpha=0.25, lw=0)
+        ax.axvline(one.frequency, color=style.GREY, lw=1.2)
+    for number, (one, order) in enumerate(shown):
+        series = max((s for s in one.series if s.order == order), key=lambda s: (s.torque or 0.0, s.direction))
+        frequency, size = law_of(one, series)
+        look = style.line_style(number)
+        ax.plot(frequency, in_shown_unit(size, "angle"), lw=1.2, **look)
+        load = "" if series.torque is None else f", {with_unit(series.torque, 'torque')}"
+        mark = {"marker": _MARKS[number % len(_MARKS)], "color": look["color"], "ms": 5, "ls": "none"}
+        measured = in_shown_unit(np.abs(series.waves), "angle")
+        ax.plot(series.frequency, measured, label=f"order {brief(order, 6)}{load}", **mark)
+    ends = [end for one in found for series in one.series for end in (series.frequency[0], series.frequency[-1])]
+    low, high = (end(one.frequency for one in found) for end in (min, max))
+    return labelled(
+        ax,
+        "orders over the speed",
+        unit_name(diagnosis.declared),
+        x="frequency of the order, Hz",
+        y="amplitude, arcsec",
+        xlim=(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends))),
+        yscale="log",
+        legend="beside",
+        legend_title="lines: laws of one mode;\ngrey: its frequency and interval",
+    )
 
 
 def _last_found(diagnosis: Diagnosis) -> float:
@@ -221,21 +277,10 @@ def _last_found(diagnosis: Diagnosis) -> float:
     return max([_HIGHEST, *(1.05 * order for order in found)])
 
 
-def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
-    """Waveform of each run and the residual spectrum of the first, in one figure; of tables passport and shares."""
-    if diagnosis.shares:
-        return table_figure(diagnosis)
-    figure, axes = new_figure(len(diagnosis.traces) + 1)
-    for trace, ax in zip(diagnosis.traces, axes[:-1], strict=True):
-        waveform(trace, quantity=diagnosis.quantity, unit=unit_name(diagnosis.declared), ax=ax)
-    order_spectrum(diagnosis, ax=axes[-1])
-    return figure
-
-
 def _trace(diagnosis: Diagnosis, run: int) -> Trace:
     count = len(diagnosis.traces)
     if diagnosis.shares:
-        raise InputError("order tables have no waveform; draw the table with kind='passport', or use diagnosis_figure")
+        raise InputError("order tables have no waveform; draw kind='passport' or kind='shares'")
     if not 0 <= run < count:
         raise InputError(f"run = {run}: this diagnosis has {count} run{'s' if count != 1 else ''}, counted from 0")
     return diagnosis.traces[run]

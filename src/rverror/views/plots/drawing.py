@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -35,106 +34,75 @@ from rverror.tolerances.allocation_result import Allocation
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
-from rverror.views.plots.budgets import at_load, contributions, costs, distribution, envelope, front_of, widths
-from rverror.views.plots.compensated import compensated_orders, compensated_waveform
-from rverror.views.plots.diagnosed import (
-    candidates,
-    diagnosis_figure,
-    diagnosis_waveform,
-    order_spectrum,
-    residual,
-    runs,
-    waveform,
+from rverror.views.plots import (
+    budgets,
+    diagnosed,
+    many_units,
+    mechanism_view,
+    order_tables,
+    spectra,
+    speeds,
+    under_load,
+    waveforms,
 )
-from rverror.views.plots.figure import Axes, new_figure, svg_element, to_bytes
-from rverror.views.plots.friction_losses import losses
-from rverror.views.plots.life_courses import compared_orders, trend_courses
-from rverror.views.plots.lots import drive_lot_orders, lot_orders, lot_predicted, lot_processes, lot_shares
-from rverror.views.plots.matched_units import matched_errors
-from rverror.views.plots.mechanism_view import mechanism
-from rverror.views.plots.mode_shapes import mode_shape
-from rverror.views.plots.order_maps import diagnosis_map, model_map, order_map
-from rverror.views.plots.order_tables import table_amplitudes
-from rverror.views.plots.passports import table_passport
-from rverror.views.plots.pressures import pressures
-from rverror.views.plots.resonances import resonance_plot
-from rverror.views.plots.run_ups import run_up_waveform
-from rverror.views.plots.spectra import model_spectrum, run_spectrum, state_spectrum
-from rverror.views.plots.speeds import campbell, speed_amplitudes, speed_map
-from rverror.views.plots.torsion_curves import loop, torsion
-from rverror.views.plots.waveforms import (
-    influence_waveform,
-    model_polar,
-    model_waveform,
-    run_polar,
-    run_waveform,
-    stacked,
-    state_polar,
-    state_waveform,
-)
-from rverror.views.plots.wear_curves import over_hours, worn_lobe
-
-__all__ = [
-    "PICTURES",
-    "diagnosis_figure",
-    "draw",
-    "model_waveform",
-    "new_figure",
-    "order_map",
-    "order_spectrum",
-    "svg_element",
-    "to_bytes",
-    "waveform",
-]
+from rverror.views.plots.figure import Axes
 
 #: Plots of each kind of result by name, the usual one first.
 PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
     {
         Model: {
-            "waveform": partial(model_waveform, most=6, waves=12),
-            "stacked": stacked,
-            "polar": model_polar,
-            "spectrum": model_spectrum,
-            "order_map": model_map,
-            "mechanism": mechanism,
+            "waveform": waveforms.model_waveform,
+            "stacked": waveforms.stacked,
+            "polar": waveforms.model_polar,
+            "spectrum": spectra.model_spectrum,
+            "mechanism": mechanism_view.mechanism,
         },
-        Reducer: {"mechanism": mechanism},
-        Influence: {"waveform": influence_waveform},
-        Equilibrium: {"waveform": state_waveform, "polar": state_polar, "spectrum": state_spectrum},
-        TorsionCurve: {"torsion": torsion},
-        Hysteresis: {"loop": loop},
-        Efficiency: {"losses": losses},
-        ContactPressure: {"pressure": pressures},
-        Wear: {"hours": over_hours, "lobe": worn_lobe},
-        Modes: {"shape": mode_shape},
-        SpeedResponse: {"amplitudes": speed_amplitudes, "campbell": campbell, "order_map": speed_map},
-        RunUp: {"waveform": run_up_waveform},
-        Run: {"waveform": run_waveform, "polar": run_polar, "spectrum": run_spectrum},
-        OrderTable: {"amplitudes": table_amplitudes, "passport": table_passport},
+        Reducer: {"mechanism": mechanism_view.mechanism},
+        Influence: {"waveform": waveforms.influence_waveform},
+        Equilibrium: {"waveform": waveforms.state_waveform, "spectrum": spectra.state_spectrum},
+        TorsionCurve: {"torsion": under_load.torsion},
+        Hysteresis: {"loop": under_load.loop},
+        Efficiency: {"losses": under_load.losses},
+        ContactPressure: {"pressure": under_load.pressures},
+        Wear: {"hours": under_load.over_hours, "lobe": under_load.worn_lobe},
+        Modes: {"shape": mechanism_view.mode_shape},
+        SpeedResponse: {
+            "amplitudes": speeds.speed_amplitudes,
+            "campbell": speeds.campbell,
+            "order_map": speeds.speed_map,
+        },
+        RunUp: {"waveform": speeds.run_up_waveform},
+        Run: {"waveform": waveforms.run_waveform, "spectrum": spectra.run_spectrum},
+        OrderTable: {"amplitudes": order_tables.table_amplitudes, "passport": order_tables.table_passport},
         Diagnosis: {
-            "waveform": diagnosis_waveform,
-            "spectrum": order_spectrum,
-            "residual": residual,
-            "runs": runs,
-            "candidates": candidates,
-            "resonances": resonance_plot,
-            "order_map": diagnosis_map,
+            "waveform": diagnosed.diagnosis_waveform,
+            "spectrum": diagnosed.order_spectrum,
+            "residual": diagnosed.residual,
+            "candidates": diagnosed.candidates,
+            "resonances": diagnosed.resonance_plot,
+            "passport": order_tables.diagnosis_passport,
+            "shares": order_tables.order_shares,
         },
-        Compensation: {"orders": compensated_orders, "waveform": compensated_waveform},
-        Budget: {"contributions": contributions, "envelope": envelope},
+        Compensation: {"orders": diagnosed.compensated_orders, "waveform": diagnosed.compensated_waveform},
+        Budget: {"contributions": budgets.contributions, "envelope": budgets.envelope},
         ErrorBudget: {
-            "contributions": contributions,
-            "distribution": distribution,
-            "envelope": envelope,
-            "at_load": at_load,
+            "contributions": budgets.contributions,
+            "distribution": budgets.distribution,
+            "envelope": budgets.envelope,
+            "at_load": budgets.at_load,
         },
-        VirtualUnits: {"distribution": distribution},
-        Allocation: {"widths": widths, "costs": costs, "front": front_of, "at_load": at_load},
-        Lot: {"processes": lot_processes, "shares": lot_shares, "orders": lot_orders, "predicted": lot_predicted},
-        DriveLot: {"orders": drive_lot_orders},
-        Trend: {"courses": trend_courses},
-        RunsCompared: {"orders": compared_orders},
-        Matched: {"errors": matched_errors},
+        VirtualUnits: {"distribution": budgets.distribution},
+        Allocation: {"widths": budgets.widths, "front": budgets.cost_against_limit, "at_load": budgets.at_load},
+        Lot: {
+            "processes": many_units.lot_processes,
+            "shares": many_units.lot_shares,
+            "orders": many_units.lot_orders,
+            "predicted": many_units.lot_predicted,
+        },
+        DriveLot: {"orders": many_units.drive_lot_orders},
+        Trend: {"courses": many_units.trend_courses},
+        RunsCompared: {"orders": many_units.compared_orders},
+        Matched: {"errors": many_units.matched_errors},
     }
 )
 

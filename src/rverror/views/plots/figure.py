@@ -8,8 +8,7 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -24,8 +23,6 @@ from rverror.base.numbers import way, with_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # that plots need not import it again
     from matplotlib.figure import Figure as Figure
-    from matplotlib.legend import Legend
-    from matplotlib.transforms import Transform
 else:
     Axes = Figure = Any
 
@@ -37,17 +34,14 @@ ORDER = "order, per output turn"
 
 #: Columns of points of the widest figure as a file: two points in each are all that a line can show there.
 COLUMNS = 1200
-_PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
-_FREE = 1.0  # inches of the width of a cell, that are left free beside texts over and under axes
-_WIDEST_BESIDE = 0.42  # of the room of axes, that a legend may take from their width
-_HIGHEST_BELOW = 0.42  # or from their height
-_INSCRIBED = 2**-0.5  # of the diameter of a circle, the side of a square in it
 _DECADES = 3.0  # of the colours of a map, down from the largest
-_EDGE = 0.3  # inches from the edge of a cell to the texts over and under axes: a label that sticks out stays free
-_OVER_TICKS = 9.0  # points from axes to the title: half of a tick's number sticks out at their corner
+_LETTER = 0.55  # of the size of a font, the width of its letters in the mean
+_MARGIN = 1.2  # inches of the width of a cell that labels and ticks take
+_KEY = 9  # letters that a legend's line and the gap after it take
 _PAD = 4.2  # letters from axes to the legend under them: ticks and label
-_FEWEST_LETTERS = 12  # of a line of a legend
+_BESIDE = 0.42  # of the width of a cell, for a legend beside the axes
+_FEWEST_BESIDE = 33  # letters; where there is no room for them a legend stands under the axes
 
 Projection = Literal["rectilinear", "polar"]
 
@@ -76,7 +70,7 @@ def new_figure(rows: int = 1, *, width: float = 9.0, height: float = 3.2) -> tup
     >>> len(axes)
     2
     """
-    figure = _figure(width, height * rows)
+    figure = bare_figure(width, height * rows)
     return figure, [_shown(ax) for ax in figure.subplots(rows, 1, squeeze=False)[:, 0]]
 
 
@@ -89,7 +83,8 @@ def can_draw() -> bool:
     return True
 
 
-def _figure(width: float, height: float) -> Figure:
+def bare_figure(width: float, height: float) -> Figure:
+    """Figure of a size in inches, without axes or a window."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -105,20 +100,12 @@ def _shown(ax: Axes) -> Axes:
     return ax
 
 
-@contextmanager
-def missing_letters() -> Iterator[None]:
-    """Let letters that the font lacks be measured and drawn without a warning: a box stands for each."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield
-
-
 def axes_for(
     ax: Axes | None, *, projection: Projection = "rectilinear", width: float = 9.0, height: float = 3.2
 ) -> Axes:
     """Axes to draw on: those given, if `check_axes` lets them pass, else those of a new figure of a size in inches."""
     if ax is None:
-        return _shown(_figure(width, height).add_subplot(projection=projection))
+        return _shown(bare_figure(width, height).add_subplot(projection=projection))
     check_axes(ax, projection=projection)
     return ax
 
@@ -142,7 +129,7 @@ def check_axes(ax: Axes | None, *, projection: Projection = "rectilinear") -> No
         If `ax` is given and no axes, or of another sort; or if it is not given and matplotlib is not installed.
     """
     if ax is None:
-        _figure(1.0, 1.0)
+        bare_figure(1.0, 1.0)
         return
     found = getattr(ax, "name", None)
     if not hasattr(ax, "plot") or not isinstance(found, str):
@@ -201,25 +188,27 @@ def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
     return told
 
 
-@missing_letters()
+def letters(ax: Axes, size: float | str) -> int:
+    """Letters of a font size that a line has room for in the cell of axes."""
+    from matplotlib.font_manager import FontProperties
+
+    figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
+    assert figure is not None
+    if figure.get_layout_engine() is None:
+        figure.set_layout_engine("constrained")
+    share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
+    room = share * float(figure.get_size_inches()[0]) - _MARGIN
+    return max(int(72 * room / (_LETTER * FontProperties(size=size).get_size_in_points())), 1)
+
+
 def titled(ax: Axes, *parts: str) -> None:
-    """Title made of parts, with commas between them, from the left edge in as many lines as the axes' room asks for."""
-    room, _ = _room(ax)
-    lines: list[str] = []
-    for part in filter(None, parts):
-        longer = f"{lines[-1]}, {part}" if lines else part
-        if not lines or ax.set_title(longer).get_window_extent().width > room:
-            lines.append(part)
-        else:
-            lines[-1] = longer
-    for at, text in enumerate(lines):
-        letters = len(text)
-        while ax.set_title(lines[at]).get_window_extent().width > room and letters > _FEWEST_LETTERS:
-            letters -= max(1, letters // 12)
-            lines[at] = textwrap.fill(text, letters)
-    title = ax.set_title(",\n".join(lines), ha="left", pad=_OVER_TICKS)
-    left, across = _left(ax, ax.transAxes + ax.titleOffsetTrans)  # type: ignore[attr-defined]  # as matplotlib does
-    title.set(x=left, transform=across)
+    """Title made of parts, with commas between them, in as many lines as the axes' room asks for."""
+    from matplotlib.ticker import FixedFormatter
+
+    rows = ax.yaxis.get_major_formatter()
+    names = max(map(len, rows.seq), default=0) if isinstance(rows, FixedFormatter) else 0  # stand left of the title
+    text = textwrap.fill(", ".join(filter(None, parts)), max(letters(ax, "large") - names, 1))
+    ax.set_title(text, x=0.0, ha="left")
 
 
 def labelled(
@@ -243,7 +232,7 @@ def labelled(
 
 
 def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Samples that show what lines of many look like: the lowest and highest of each line in each column.
+    """Samples that show what lines of many look like: the lowest and highest of each line in each part of the trace.
 
     Parameters
     ----------
@@ -251,7 +240,7 @@ def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[i
         Not a number where the lines are broken.
     rows : sequence of ndarray, shape (n,)
     columns : int
-        Over the span of x.
+        Parts of the trace.
 
     Returns
     -------
@@ -261,12 +250,8 @@ def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[i
     n = x.size
     if n <= 2 * columns:
         return np.arange(n)
-    low, high = float(np.nanmin(x)), float(np.nanmax(x))
     breaks = np.flatnonzero(np.isnan(x))
-    at = np.floor(np.nan_to_num((x - low) / (high - low or 1.0), nan=-1.0) * columns)
-    column = np.cumsum(np.diff(at, prepend=at[:1]) != 0)
-    if column[-1] > _PASSES * columns:  # to and fro on the spot: no columns, so parts of the trace
-        column = np.arange(n) * columns // n
+    column = np.arange(n) * columns // n
     kept = [np.array([0, n - 1]), breaks, breaks[breaks > 0] - 1, breaks[breaks < n - 1] + 1]
     for row in rows:
         order = np.lexsort((np.where(np.isnan(row), np.nanmedian(row), row), column))
@@ -287,7 +272,7 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     Returns
     -------
     tuple of ndarray
-        x and the rows: the lowest and the highest of each row in each column of points, so that no peak is lost.
+        x and the rows: the lowest and the highest of each row in each part of the trace, so that no peak is lost.
 
     Examples
     --------
@@ -302,80 +287,29 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     return tuple(one[kept] for one in (x, *rows))
 
 
-def tallest(place: Array, size: Array) -> tuple[Array, Array]:
-    """Of very many stems those that a picture can show: in each column of points the tallest.
-
-    Examples
-    --------
-    >>> place, size = tallest(np.arange(1e5), np.ones(100_000))
-    >>> place.size <= COLUMNS
-    True
-    """
-    if place.size <= COLUMNS:
-        return place, size
-    column = np.floor((place - place[0]) / (place[-1] - place[0]) * (COLUMNS - 1))
-    order = np.lexsort((size, column))
-    kept = np.sort(order[np.flatnonzero(np.diff(column[order], append=-1))])
-    return place[kept], size[kept]
-
-
-def _room(ax: Axes) -> tuple[float, float]:
-    """Width and height, in dots, for texts in the cell of axes; a figure without a layout gets one."""
-    figure, part, spec = ax.get_figure(root=True), ax.get_figure(), ax.get_subplotspec()
-    assert figure is not None
-    assert part is not None
-    if figure.get_layout_engine() is None:
-        figure.set_layout_engine("constrained")
-    if spec is None:
-        return ax.bbox.width, ax.bbox.height
-    grid = spec.get_gridspec()
-    wide, high = part.bbox.width * len(spec.colspan) / grid.ncols, part.bbox.height * len(spec.rowspan) / grid.nrows
-    return wide - _FREE * figure.dpi, high
-
-
-def _left(ax: Axes, up: Transform) -> tuple[float, Transform]:
-    """Left edge of the cell of axes, and a transform across in parts of the figure, up as given."""
-    from matplotlib.transforms import blended_transform_factory
-
-    part, spec = cast("Figure", ax.get_figure()), ax.get_subplotspec()
-    if spec is None:
-        return 0.0, up
-    across = blended_transform_factory(getattr(part, "transSubfigure", part.transFigure), up)
-    return spec.colspan.start / spec.get_gridspec().ncols + _EDGE * part.figure.dpi / part.bbox.width, across
-
-
-@missing_letters()
-def legend_below(ax: Axes, *, columns: int = 3, **options: Any) -> None:
+def legend_below(ax: Axes, *, columns: int = 3, title: str | None = None) -> None:
     """Legend under the axes and their label, where it hides no line."""
+    room = letters(ax, "small")
+    longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
+    columns = max(1, min(columns, room // (longest + _KEY)))
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
-    left, across = _left(ax, ax.transAxes)
-    place = {"loc": "upper left", "bbox_to_anchor": (left, 0.0), "bbox_transform": across, "borderaxespad": _PAD}
-    look = {"frameon": False, "fontsize": "small", "handlelength": 3}
-    wide, high = _room(ax)
-    _legend(ax, columns, wide, _HIGHEST_BELOW * high, **place, **look, **options)
+    _legend(ax, room, bbox_to_anchor=(0, 0), borderaxespad=_PAD, ncols=columns, fontsize="small", title=title)
 
 
-@missing_letters()
-def legend_beside(ax: Axes, *, title: str | None = None, away: float = 0.0) -> None:
-    """Legend right of the axes, for long names; so much of their width away where something stands between.
-
-    Where it would take too much of their width, or is too high, it stands under them.
-    """
-    look = {"frameon": False, "fontsize": "x-small", "title_fontsize": "x-small", "handlelength": 4, "title": title}
-    wide, high = _room(ax)
-    legend, whole = _legend(ax, 1, wide, high, loc="upper left", bbox_to_anchor=(1.01 + away, 1), **look)
-    if legend and not (whole and legend.get_window_extent().width <= _WIDEST_BESIDE * wide):
+def legend_beside(ax: Axes, *, title: str | None = None) -> None:
+    """Legend right of the axes, for long names; in narrow axes it stands under them."""
+    room = int(_BESIDE * letters(ax, "x-small"))
+    if room < _FEWEST_BESIDE:
         legend_below(ax, title=title)
+    else:
+        _legend(ax, room, bbox_to_anchor=(1.01, 1), fontsize="x-small", title_fontsize="x-small", title=title)
 
 
-@missing_letters()
-def legend_in_ring(ax: Axes, *, inner: float) -> None:
-    """Legend in the middle of polar axes, or under them where a circle of so much of their radius does not hold it."""
-    look = {"frameon": False, "fontsize": "x-small", "handlelength": 3}
-    side = _INSCRIBED * inner * min(size_in_dots(ax))
-    legend, whole = _legend(ax, 1, side, side, loc="center", **look)
-    if not whole or (legend and legend.get_window_extent().width > side):
-        legend_below(ax)
+def _legend(ax: Axes, room: int, **options: Any) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        told = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
+        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, **options)
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:
@@ -395,49 +329,6 @@ def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: s
     ax.figure.colorbar(drawn, ax=ax, label=label, extend="min")
 
 
-def size_in_dots(ax: Axes) -> tuple[float, float]:
-    """Width and height of axes in the figure's layout, with what is on them so far."""
-    figure = ax.get_figure(root=True)
-    layout = None if figure is None else figure.get_layout_engine()
-    if figure is not None and layout is not None:
-        layout.execute(figure)
-    box = ax.get_window_extent()
-    return float(box.width), float(box.height)
-
-
-def _legend(ax: Axes, columns: int, wide: float, high: float, **options: Any) -> tuple[Legend | None, bool]:
-    """Legend no wider and no higher than this: with fewer columns, then broken lines, then fewer entries.
-
-    Also whether all entries are in it.
-    """
-    from matplotlib.lines import Line2D
-
-    handles = options.pop("handles", None) or ax.get_legend_handles_labels()[0]
-    labels = [str(handle.get_label()) for handle in handles]
-    if not handles:
-        return None, True
-
-    def made(labels: Sequence[str], more: int = 0) -> Legend:
-        rest = ([Line2D([], [], ls="none")], [f"{more} more"]) if more else ([], [])
-        kept = len(labels)
-        return ax.legend([*handles[:kept], *rest[0]], [*labels, *rest[1]], ncols=columns, **options)
-
-    legend = made(labels)
-    while legend.get_window_extent().width > wide and columns > 1:
-        columns -= 1
-        legend = made(labels)
-    told, letters = labels, max(map(len, labels))
-    while legend.get_window_extent().width > wide and letters > _FEWEST_LETTERS:
-        letters = min(letters - 1, int(letters * wide / legend.get_window_extent().width))
-        told = [textwrap.fill(label, max(letters, _FEWEST_LETTERS), subsequent_indent="  ") for label in labels]
-        legend = made(told)
-    more = 0
-    while legend.get_window_extent().height > high and more < len(told) - 1:
-        more += 1
-        legend = made(told[: len(told) - more], more)
-    return legend, not more
-
-
 def to_bytes(figure: Figure, kind: str) -> bytes:
     """Figure as the bytes of a PNG or SVG file."""
     from matplotlib import rc_context
@@ -446,7 +337,8 @@ def to_bytes(figure: Figure, kind: str) -> bytes:
     # without metadata a picture holds no address and is the same tomorrow
     nameless = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     options: dict[str, Any] = {"dpi": 130} if kind == "png" else {"metadata": nameless}
-    with rc_context({"svg.hashsalt": "rverror"}), missing_letters():
+    with rc_context({"svg.hashsalt": "rverror"}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # a box stands for each
         figure.savefig(buffer, format=kind, **options)
     return buffer.getvalue()
 

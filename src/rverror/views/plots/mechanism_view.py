@@ -1,10 +1,10 @@
-"""Drawing of a reducer at one output angle: its parts to size, contact forces and error vectors to stated scales."""
+"""Drawing of a reducer at one output angle: parts to size, forces, error vectors and natural modes as arrows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from rverror.base import units
 from rverror.base.arrays import Array, radial_and_tangential, unit_vectors
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError
-from rverror.base.numbers import way
+from rverror.base.numbers import brief, way, with_unit
+from rverror.dynamics.natural_modes import Modes
 from rverror.geartrain.action_line import CONTACT_AXES, Clearance, Compliance, Contacts
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.cycloid import pin_positions, profile
@@ -27,13 +28,12 @@ from rverror.views.plots.figure import Axes, axes_for, legend_beside, plain
 
 _DISCS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
 _PER_LOBE = 64  # points of an outline, evenly along it
-_KEY = 10.0  # mm of the drawing: arrow that states a scale
+_KEY = 10.0  # mm of the drawing, of which the scales are told
+_LONGEST = 0.3  # of the pin circle's radius, of the longest arrow of a scale
 _LIGHT_TORQUE = 1e5  # N*mm, for a reducer without a rated torque
 _LEAST = 1e-3  # of the longest arrow, below which one is not drawn
-_GROUPS: Mapping[str, tuple[str, ...]] = {
-    "forces of pins and sun": ("pin", "mesh"),
-    "forces in the bearings of the cranks": ("cam", "carrier"),
-}
+_FULL = {"width": 0.017, "headwidth": 3.6, "headlength": 5.0, "headaxislength": 4.5, "linewidth": 0.2, "zorder": 5}
+_HOLLOW = {"width": 0.032, "headwidth": 3.0, "headlength": 4.0, "headaxislength": 3.6, "linewidth": 0.9, "zorder": 6}
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,8 @@ class Places:
         Centres.
     pins : ndarray, shape (pins, 2)
     cranks : ndarray, shape (cranks, 2)
-    sun : ndarray, shape (2,)
-    turned : mapping of str to ndarray
-        Angle of the marks: of ``"sun"``, (1,), and of ``"planet"``, (cranks,).
+    sun_angle, planet_angle : float
+        Of the marks; the sun stands in the middle.
     contact : mapping of str to ndarray
         Point of each contact that has one, shaped as in `CONTACT_AXES` but for the flanks of a mesh.
     """
@@ -59,42 +58,9 @@ class Places:
     disc: Array
     pins: Array
     cranks: Array
-    sun: Array
-    turned: Mapping[str, Array]
+    sun_angle: float
+    planet_angle: float
     contact: Mapping[str, Array]
-
-    def moved(self, shape: Mapping[str, Array], scale: float) -> Places:
-        """Where they are as each part moves by so many times its x, y and angle, to first order.
-
-        Parameters
-        ----------
-        shape : mapping of str to ndarray
-            As of `Modes`, of one mode; the pins stand.
-        scale : float
-        """
-        carrier, sun = scale * shape["carrier"], scale * shape["sun"]
-        discs = [scale * shape[f"disc {k}"] for k in range(len(self.disc))]
-        cranks = np.array([scale * shape[f"crank {j}"] for j in range(len(self.cranks))])
-        cams = np.stack(
-            [_carried(cams.T, at, by).T for cams, at, by in zip(self.contact["cam"], self.disc, discs, strict=True)]
-        )
-        return replace(
-            self,
-            outline=np.stack(
-                [_carried(line, at, by) for line, at, by in zip(self.outline, self.disc, discs, strict=True)]
-            ),
-            disc=self.disc + np.array([by[:2] for by in discs]),
-            cranks=self.cranks + cranks[:, :2],
-            sun=self.sun + sun[:2],
-            turned={"sun": self.turned["sun"] + sun[2:].sum(), "planet": self.turned["planet"] + cranks[:, 2]},
-            contact={**self.contact, "cam": cams, "carrier": _carried(self.cranks.T, np.zeros(2), carrier).T},
-        )
-
-
-def _carried(points: Array, centre: Array, by: Array) -> Array:
-    """Points (2, m) of a part whose centre moves by x and y, and which turns by an angle about it."""
-    arm = points - centre[:, None]
-    return np.asarray(points + by[:2, None] + by[2] * np.stack([-arm[1], arm[0]]), dtype=np.float64)
 
 
 def places(motion: Contacts) -> Places:
@@ -118,11 +84,8 @@ def places(motion: Contacts) -> Places:
         disc=centre,
         pins=pins,
         cranks=cranks,
-        sun=np.zeros(2),
-        turned={
-            "sun": np.array([turns["sun"] * theta]),
-            "planet": np.full(unit.cranks, turns["planet"] * theta),
-        },
+        sun_angle=turns["sun"] * theta,
+        planet_angle=turns["planet"] * theta,
         contact={
             "pin": pins + unit.pin_radius * motion.pin_normal[..., 0],
             "cam": cranks + centre[:, None],
@@ -204,9 +167,6 @@ def mechanism(
     direction: Direction = "forward",
     torque: Any | None = None,
     disc: int | None = None,
-    error_scale: float | None = None,
-    pin_scale: float | None = None,
-    bearing_scale: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw a reducer at one output angle: nominal geometry to size, forces and declared errors as arrows.
@@ -222,9 +182,6 @@ def mechanism(
         out they are those of the closed form at the rated torque, or at 100 N*m where none is rated.
     disc : int, optional
         The only disc to draw; all where left out.
-    error_scale, pin_scale, bearing_scale : float, optional
-        Millimetres of the drawing per mm of error, and per N of the forces of pins and meshes and of those of bearings.
-        Round scales are chosen where left out; every scale is stated by an arrow of 10 mm.
     ax : Axes, optional
         Its aspect is made equal.
 
@@ -257,39 +214,113 @@ def mechanism(
     discs = range(unit.discs) if disc is None else range(disc, disc + 1)
     where = places(motion)
 
-    ax = axes_for(ax, width=9.0, height=7.2)
+    ax = axes_for(ax, width=9.0, height=6.0)
     draw_parts(ax, unit, where, discs)
-    keys = []
-    for (group, contacts), given in zip(_GROUPS.items(), (pin_scale, bearing_scale), strict=True):
-        longest = max(float(np.linalg.norm(forces[key], axis=-1).max(initial=0.0)) for key in contacts)
-        scale = given or _round_scale(longest, 0.32 * unit.pin_circle_radius)
-        for key in contacts:
-            _arrows(ax, where.contact[key], forces[key], scale, key=key, discs=discs)
-        keys.append((f"{group}: {_newton(_KEY / scale)}" if longest else f"{group}: none", style.BLACK))
-    longest = max(float(np.linalg.norm(vector, axis=-1).max(initial=0.0)) for vector in errors.values())
-    if longest:
-        scale = error_scale or _round_scale(longest, 0.25 * unit.pin_circle_radius)
-        for key, vector in errors.items():
-            _arrows(ax, where.contact[key], vector, scale, key=key, discs=discs, error=True)
-        keys.append((f"errors, driving less driven surface: {1e3 * _KEY / scale:.3g} um", style.VERMILLION))
-    _finish(ax, unit, keys, unseen)
+    told = [f"{_KEY:g} mm of an arrow are"]
+    for name, contacts in (("pins and sun", ("pin", "mesh")), ("the bearings of the cranks", ("cam", "carrier"))):
+        size = _contact_arrows(ax, unit, where, {key: forces[key] for key in contacts}, discs)
+        told.append(f"at {name}: {brief(_KEY * size, 3)} N")
+    if size := _contact_arrows(ax, unit, where, errors, discs, error=True):
+        told.append(f"of errors, driving less driven surface: {1e3 * _KEY * size:.3g} um")
+    if unseen:
+        told.append("not drawn, angles: " + plain(", ".join(unseen)))
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
-    ax.set_title(f"{name} at {math.degrees(angle):.4g} deg, {way(direction)}, {load / 1e3:.4g} N*m, {how}")
-    return ax
+    title = f"{name} at {math.degrees(angle):.4g} deg, {way(direction)}, {load / 1e3:.4g} N*m, {how}"
+    return _finish(ax, title, "\n".join(told))
 
 
-def _newton(force: float) -> str:
-    return f"{force / 1e3:.3g} kN" if force >= 1e3 else f"{force:.3g} N"
+def _contact_arrows(
+    ax: Axes, unit: Reducer, where: Places, vectors: Mapping[str, Array], discs: range, *, error: bool = False
+) -> float:
+    """Draw arrows of contacts to one scale, those of a disc in its colour; what a mm of them is, 0 without any."""
+    longest = max(float(np.linalg.norm(of, axis=-1).max(initial=0.0)) for of in vectors.values())
+    size = longest / (_LONGEST * unit.pin_circle_radius)
+    if not longest:
+        return 0.0
+    for key, of in vectors.items():
+        at, what = where.contact[key], f"{key} {'error' if error else 'force'}"
+        parts = [(f"{what}, disc {k}", k) for k in discs] if key in ("pin", "cam") else [(what, None)]
+        for name, k in parts:
+            chosen = slice(None) if k is None else k
+            colour = style.VERMILLION if error else _colour(k)
+            _arrows(ax, at[chosen], of[chosen] / size, colour=colour, hollow=error, gid=name)
+    return size
 
 
-def _round_scale(longest: float, room: float) -> float:
-    """Millimetres per unit such that the arrow of a key stands for 1, 2 or 5 times a power of ten."""
-    if not longest > 0:
-        return 1.0
-    rough = _KEY * longest / room
-    power = 10.0 ** math.floor(math.log10(rough))
-    return _KEY / next(f * power for f in (1, 2, 5, 10) if f * power >= rough * (1 - 1e-9))
+def _colour(disc: int | None) -> str:
+    """Colour of a disc, or of what belongs to none."""
+    return style.BLACK if disc is None else _DISCS[disc % len(_DISCS)]
+
+
+def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None) -> Axes:
+    """Draw one natural mode on the mechanism: arrows show how far it moves points of the parts.
+
+    Parameters
+    ----------
+    modes : Modes
+    mode : int, optional
+        Counted from 1, the lowest frequency; where left out the lowest that is held and none of the sun's support.
+    ax : Axes, optional
+        Its aspect is made equal.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no such mode.
+
+    Notes
+    -----
+    Arrows stand at the cams of each disc, at the bores of the carrier and on the pitch circles of sun and planets.
+    Input and load have no place in the plane.
+    """
+    ax = axes_for(ax, width=9.0, height=6.0)
+    count = modes.frequency.size
+    own = np.flatnonzero((modes.frequency > 0) & ~modes.of_sun_support)
+    chosen = 1 + int(own[0] if own.size else 0) if mode is None else mode
+    if not 1 <= chosen <= count:
+        raise InputError(f"mode = {mode}: this reducer has modes 1 to {count}, from the lowest frequency up")
+    unit = modes.model.mechanism
+    assert isinstance(unit, Reducer)
+    motion = pose(unit, [modes.theta + modes.model.index_offset], direction=modes.direction)
+    assert isinstance(motion, Contacts)
+    where = places(motion)
+    draw_parts(ax, unit, where, range(unit.discs))
+    moved = _moved(unit, where, {part: rows[:, chosen - 1] for part, rows in modes.shape.items()})
+    # a motion of input or load alone has nothing that could be drawn
+    longest = max(1e-12, *(float(np.linalg.norm(steps, axis=-1).max()) for _, steps in moved.values()))
+    for part, (at, steps) in moved.items():
+        colour = _colour(int(part.removeprefix("disc ")) if part.startswith("disc") else None)
+        _arrows(ax, at, _LONGEST * unit.pin_circle_radius / longest * steps, colour=colour, gid=part)
+    told = []
+    for what, shares in (("held by", modes.strain_energy), ("moving", modes.kinetic_energy)):
+        share, name = max((float(row[chosen - 1]), name) for name, row in shares.items())
+        told.append(f"{what}: {name.replace('_', ' ')} {100 * share:.0f} %")
+    frequency = f"{float(modes.frequency[chosen - 1]):.4g} Hz"
+    of_sun = ", of the sun's support" if modes.of_sun_support[chosen - 1] else ""
+    state = f"{with_unit(modes.torque, 'torque')}, {way(modes.direction)}, at {math.degrees(modes.theta):.4g} deg"
+    name = plain(modes.model.name or unit.name)
+    return _finish(ax, f"{name}, mode {chosen} of {count}, {frequency}{of_sun}\n{state}", "\n".join(told))
+
+
+def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
+    """Points (n, 2) of each part and how far they move, with x, y and angle of the parts in the mode."""
+    middle = np.zeros(2)
+    on_sun = unit.sun_pitch_radius * _along(np.array([where.sun_angle]))
+    on_planet = unit.planet_pitch_radius * _along(np.array([where.planet_angle]))
+    points = {"carrier": (middle, where.cranks), "sun": (middle, on_sun)}
+    points |= {f"disc {k}": (where.disc[k], where.contact["cam"][k]) for k in range(unit.discs)}
+    points |= {f"crank {j}": (centre, centre + on_planet) for j, centre in enumerate(where.cranks)}
+    moved = {}
+    for part, (centre, at) in points.items():
+        x, y, angle = np.append(shape[part], 0.0)[:3]  # the angle of a sun that is held is none
+        arm = at - centre
+        moved[part] = at, np.array([x, y]) + angle * np.stack([-arm[:, 1], arm[:, 0]], axis=-1)
+    return moved
 
 
 def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
@@ -300,31 +331,23 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
         label = "pins" if i == 0 else None
         ax.add_patch(Circle((x, y), unit.pin_radius, fc="0.85", ec="0.3", lw=0.7, gid=f"pin {i}", label=label))
     for k in discs:
-        look: dict[str, Any] = {"color": _DISCS[k % len(_DISCS)], "ls": style.DASHES[k % len(style.DASHES)]}
+        look: dict[str, Any] = {"color": _colour(k), "ls": style.DASHES[k % len(style.DASHES)]}
         ax.plot(*where.outline[k], lw=1.2, gid=f"disc {k}", label=f"disc {k}, its centre and cams", **look)
         ax.plot(*where.disc[k], "+", color=look["color"], ms=8, mew=1.4)
         for x, y in where.contact["cam"][k]:
             ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=look["color"], ls=look["ls"], lw=1.0))
-    mean: dict[str, Any] = {"color": "0.45", "lw": 0.9, "ls": style.DASHES[3]}
-    for label, radius, centres, angles in (
-        ("sun and planets, pitch circles", unit.sun_pitch_radius, where.sun[None], where.turned["sun"]),
-        (None, unit.planet_pitch_radius, where.cranks, where.turned["planet"]),
-    ):
-        for number, (centre, angle) in enumerate(zip(centres, angles, strict=True)):
-            circle = centre[:, None] + radius * np.array([np.cos(_ROUND), np.sin(_ROUND)])
-            ax.plot(*circle, label=label if number == 0 else None, **mean)
-            mark = centre + radius * np.array([[0.55], [1.0]]) * np.array([math.cos(angle), math.sin(angle)])
-            ax.plot(*mark.T, color="0.45", lw=2.2)
-    bores = where.contact["carrier"]
-    ring = np.concatenate([bores, bores[:1]])
-    ax.plot(
-        *ring.T, color=style.GREY, lw=4.0, alpha=0.6, solid_capstyle="round", label="carrier, crank 0 filled", zorder=1
-    )
+    pitch: dict[str, Any] = {"fc": "none", "ec": "0.45", "lw": 0.9, "ls": style.DASHES[3]}
+    gears = [(unit.sun_pitch_radius, np.zeros(2), where.sun_angle)]
+    gears += [(unit.planet_pitch_radius, centre, where.planet_angle) for centre in where.cranks]
+    for number, (radius, centre, angle) in enumerate(gears):
+        label = "sun and planets, pitch circles" if number == 0 else None
+        ax.add_patch(Circle((centre[0], centre[1]), radius, label=label, gid="gear", **pitch))
+        mark = centre + radius * np.array([[0.55], [1.0]]) * np.array([math.cos(angle), math.sin(angle)])
+        ax.plot(*mark.T, color="0.45", lw=2.2)
+    ring = np.concatenate([where.cranks, where.cranks[:1]])
+    ax.plot(*ring.T, color=style.GREY, lw=4.0, alpha=0.6, label="carrier, crank 0 filled", zorder=1)
     ax.plot(*where.cranks[:1].T, "o", color=style.BLACK, ms=6)
     ax.plot(*where.cranks[1:].T, "o", color=style.BLACK, mfc="white", ms=6)
-
-
-_ROUND = np.linspace(0, 2 * np.pi, 181)
 
 
 def _cam_radius(unit: Reducer) -> float:
@@ -332,49 +355,20 @@ def _cam_radius(unit: Reducer) -> float:
     return max(2.5 * unit.eccentricity, 0.3 * unit.planet_pitch_radius)
 
 
-def _arrows(ax: Axes, at: Array, vector: Array, scale: float, *, key: str, discs: range, error: bool = False) -> None:
-    """Arrows of one contact, from where it is; those of a disc in its colour."""
-    longest = float(np.linalg.norm(vector, axis=-1).max(initial=0.0))
-    if not longest:
-        return
-    parts = [(k, at[k], vector[k]) for k in discs] if key in ("pin", "cam") else [(None, at, vector)]
-    for k, points, arrows in parts:
-        x, y = points.reshape(-1, 2).T
-        u, v = arrows.reshape(-1, 2).T * scale
-        seen = np.hypot(u, v) > _LEAST * longest * scale
-        colour = style.BLACK if k is None else _DISCS[k % len(_DISCS)]
-        what = "error" if error else "force"
-        name = f"{key} {what}" + ("" if k is None else f", disc {k}")
-        _quiver(
-            ax, x[seen], y[seen], u[seen], v[seen], colour=style.VERMILLION if error else colour, hollow=error, gid=name
-        )
-
-
-_FULL = {"width": 0.017, "headwidth": 3.6, "headlength": 5.0, "headaxislength": 4.5, "linewidth": 0.2, "zorder": 5}
-_HOLLOW = {"width": 0.032, "headwidth": 3.0, "headlength": 4.0, "headaxislength": 3.6, "linewidth": 0.9, "zorder": 6}
-
-
-def _quiver(ax: Axes, x: Any, y: Any, u: Any, v: Any, *, colour: str, hollow: bool, gid: str) -> None:
+def _arrows(ax: Axes, at: Array, vectors: Array, *, colour: str, hollow: bool = False, gid: str) -> None:
     """Arrows in data units, so that their lengths are to scale; hollow ones are told apart in grey too."""
+    x, y = at.reshape(-1, 2).T
+    u, v = vectors.reshape(-1, 2).T
+    size = np.hypot(u, v)
+    seen = size > _LEAST * size.max(initial=0.0)
     look: dict[str, Any] = {**(_HOLLOW if hollow else _FULL), "facecolor": "white" if hollow else colour}
     to_scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "units": "inches", "minlength": 0}
-    ax.quiver(x, y, u, v, edgecolor=colour, gid=gid, **to_scale, **look)
+    ax.quiver(x[seen], y[seen], u[seen], v[seen], edgecolor=colour, gid=gid, **to_scale, **look)
 
 
-def _finish(ax: Axes, unit: Reducer, keys: list[tuple[str, str]], unseen: list[str]) -> None:
-    """Equal aspect, scales as arrows under the drawing, what is not drawn, units."""
-    reach = unit.pin_circle_radius + 2.5 * unit.pin_radius
-    step = 0.13 * reach
-    low = -reach - 0.6 * step
-    for number, (text, colour) in enumerate(keys):
-        y = low - (number + 0.5) * step
-        _quiver(ax, [-reach], [y], [_KEY], [0.0], colour=colour, hollow=colour == style.VERMILLION, gid="scale")
-        ax.text(-reach + _KEY + 0.4 * step, y, text, va="center", fontsize="small")
-    bottom = low - len(keys) * step
-    if unseen:
-        text = "not drawn, angles: " + plain(", ".join(unseen))
-        ax.text(-reach, bottom - 0.5 * step, text, va="center", fontsize="x-small")
-        bottom -= step
-    ax.set_aspect("equal")
-    ax.set(xlabel="x, mm", ylabel="y, mm", xlim=(-1.06 * reach, 1.06 * reach), ylim=(bottom - 0.4 * step, 1.06 * reach))
-    legend_beside(ax)
+def _finish(ax: Axes, title: str, told: str) -> Axes:
+    """Equal aspect, units, title, and a legend with what is told."""
+    ax.set(xlabel="x, mm", ylabel="y, mm", title=title, aspect="equal")
+    ax.margins(0.04)
+    legend_beside(ax, title=told)
+    return ax

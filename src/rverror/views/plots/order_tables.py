@@ -1,29 +1,43 @@
-"""Plot of an order table: amplitude of each order over the condition that varies most."""
+"""Plots of order tables: amplitudes over a condition, passports of orders, what accounts for each."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.base.numbers import way, with_unit
-from rverror.base.units import to_display
+from rverror.base.numbers import brief, way
+from rverror.base.units import ARCSEC, to_display
+from rverror.diagnosis.order_passport import OrderPassport, passport
+from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots import style
-from rverror.views.plots.figure import ORDER, Axes, axes_for, in_shown_unit, legend_beside, shown_unit, titled
+from rverror.views.plots.figure import ORDER, Axes, axes_for, in_shown_unit, labelled, shown_unit
 
 _MARKS = "osD^vPX<>*"  # one an order: no more lines are told apart
-_WIDTHS = (0.8, 2.8)  # points
-_HIDES = 5.0  # an order so many times the middle one's size leaves nothing of the others to be seen
 _DIGITS = 6  # of a condition: mean speeds of runs differ beyond
+_MOST = 6  # orders whose passports are drawn
+_CURVE = 121  # points of a law
 #: Dimension and label of each condition that can be the abscissa.
 _BY: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "torque": ("torque", "output torque, N*m"),
         "input_speed": ("angular_speed", "input speed, rpm"),
         "temperature": ("temperature", "temperature, degC"),
+    }
+)
+#: Share of an order's power: its name, colour and hatch.
+_SHARES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
+    {
+        "parts": ("part errors", style.BLUE, ""),
+        "compliance": ("compliance", style.ORANGE, "//"),
+        "measuring_chain": ("measuring chain", style.GREY, ".."),
+        "empirical": ("law only", "white", "xx"),
+        "left": ("nothing", "white", ""),
     }
 )
 
@@ -33,8 +47,8 @@ def table_amplitudes(
 ) -> Axes:
     """Amplitude of each order over the torque, or over the input speed where that takes more values.
 
-    Forward is drawn solid with full marks, reverse dashed with hollow ones.  Where another condition varies too, it is
-    told by the width of the lines.  The ordinate is logarithmic where one order would hide the others.
+    Forward is drawn solid with full marks, reverse dashed with hollow ones.  Cases that differ in another condition
+    have lines of their own.
 
     Parameters
     ----------
@@ -42,63 +56,52 @@ def table_amplitudes(
     by : {"torque", "input_speed", "temperature", "order"}, optional
         The abscissa.  Where it is left out and the table knows none of the first three, it is the order.
     most : int
-        So many orders are drawn over a condition, the largest; the title says of how many.
+        So many orders are drawn, the largest; the title says of how many.
 
     Raises
     ------
     InputError
         If the table does not hold what is asked for, or holds no order.
     """
-    values = {name: _values(table.cases, name) for name in _BY}
+    known = {name: {_value(case, name) for case in table.cases} - {None} for name in _BY}
     if by is None:
-        by = max(values, key=lambda name: len(values[name])) if any(values.values()) else "order"
+        by = max(known, key=lambda name: len(known[name])) if any(known.values()) else "order"
     if by not in (*_BY, "order"):
         raise InputError(f"by = {by!r}: must be one of {', '.join((*_BY, 'order'))}")
-    if by != "order" and not values[by]:
+    if by != "order" and not known[by]:
         raise InputError(f"by = {by!r}: no case of the table has it; choose another")
     if not 1 <= most <= len(_MARKS):
         raise InputError(f"most = {most}: must be 1 to {len(_MARKS)} orders, more are not told apart")
-    largest: dict[float, float] = {}
+    sizes = defaultdict[float, float](float)
     for case in table.cases:
         for order, size in zip(case.orders.tolist(), np.abs(case.waves).tolist(), strict=True):
-            largest[order] = max(size, largest.get(order, 0.0))
-    if not largest:
+            sizes[order] = max(size, sizes[order])
+    if not sizes:
         raise InputError("the table holds no order; give one that does")
     ax = axes_for(ax, height=4.2)
-    drawn = sorted(sorted(largest, key=lambda order: -largest[order])[:most])
-    varied = [name for name in _BY if name != by and len(values[name]) > 1]
-    groups: dict[tuple[float, ...], list[OrderCase]] = {}
-    cases = [case for case in table.cases if by == "order" or _value(case, by) is not None]
-    for case in cases:
-        # what is not known stands before all that is
-        rest = tuple(-np.inf if (value := _value(case, name)) is None else value for name in varied)
-        groups.setdefault(rest, []).append(case)
-    widths = dict(zip(sorted(groups), np.linspace(*_WIDTHS, len(groups)).tolist(), strict=True))
-    senses = [sense for sense in (1.0, -1.0) if any(case.condition.direction == sense for case in cases)]
-    title = ["order table"]
-    if by == "order":
-        _over_order(ax, groups, widths, senses)
-    else:
-        _over_condition(ax, by, drawn, groups, widths, senses)
-        if len(drawn) < len(largest):
-            title.append(f"the largest {len(drawn)} of {len(largest)} orders")
-        if len(cases) < len(table.cases):
-            title.append(f"{len(table.cases) - len(cases)} cases without {by.replace('_', ' ')} left out")
-    if len(senses) == 1:
-        title.append(way(senses[0]))
-    if len(groups) > 1:
-        first, last = (_told(varied, rest) for rest in (min(groups), max(groups)))
-        title.append(f"{'small to large' if by == 'order' else 'thin to thick'}: {first} to {last}")
-    label = ORDER if by == "order" else _BY[by][1]
-    ax.set(xlabel=label, ylabel=f"amplitude, {shown_unit('angle')}")
-    titled(ax, *title)
-    sizes = np.array([size for order, size in largest.items() if by == "order" or order in drawn])
-    if sizes.max() > _HIDES * np.median(sizes) and all((np.abs(case.waves) > 0).all() for case in cases):
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0)
-    legend_beside(ax)
-    return ax
+    drawn = sorted(sorted(sizes, key=lambda order: -sizes[order])[:most])
+    lines = _lines(table.cases, by)
+    for (order, sense, _), points in lines.items():
+        if order is None:
+            ax.plot(*np.array(points).T, ms=4, **_look(0, sense) | {"ls": "none"})
+        elif order in drawn:
+            ax.plot(*np.array(sorted(points)).T, ms=4, lw=1.2, **_look(drawn.index(order), sense))
+    # the legend tells orders by full marks without a line, and the senses by their lines
+    for number, order in enumerate(() if by == "order" else drawn):
+        ax.plot([], [], **_look(number, 1.0) | {"ls": "none"}, ms=5, label=f"order {order:.6g}")
+    senses = sorted({sense for _, sense, _ in lines}, reverse=True)
+    for sense in senses if len(senses) > 1 else ():
+        ax.plot([], [], ms=4, **_look(0, sense) | {"color": style.BLACK}, label=way(sense))
+    return labelled(
+        ax,
+        "order table",
+        f"the largest {len(drawn)} of {len(sizes)} orders" if by != "order" and len(drawn) < len(sizes) else "",
+        way(senses[0]) if len(senses) == 1 else "",
+        x=ORDER if by == "order" else _BY[by][1],
+        y=f"amplitude, {shown_unit('angle')}",
+        yscale="log",
+        legend="beside",
+    )
 
 
 def _value(case: OrderCase, name: str) -> float | None:
@@ -107,77 +110,109 @@ def _value(case: OrderCase, name: str) -> float | None:
     return None if value is None else float(f"{value:.{_DIGITS}g}")
 
 
-def _values(cases: Sequence[OrderCase], name: str) -> set[float]:
-    return {value for case in cases if (value := _value(case, name)) is not None}
+def _lines(cases: Sequence[OrderCase], by: str) -> Mapping[tuple[Any, ...], list[tuple[float, float]]]:
+    """Points of each order, direction and setting of what is not the abscissa, in the units shown."""
+    lines = defaultdict[tuple[Any, ...], list[tuple[float, float]]](list)
+    for case in cases:
+        at = None if by == "order" else _value(case, by)
+        if by != "order" and at is None:
+            continue
+        rest = tuple(_value(case, name) for name in _BY if name != by)
+        for order, size in zip(case.orders.tolist(), in_shown_unit(np.abs(case.waves), "angle"), strict=True):
+            place = order if at is None else to_display(at, _BY[by][0])
+            lines[None if at is None else order, case.condition.direction, rest].append((place, float(size)))
+    return lines
 
 
-def _told(names: Sequence[str], values: Sequence[float]) -> str:
-    """Conditions in words, as the title has them."""
-    return ", ".join(
-        f"no {name.replace('_', ' ')}" if np.isinf(value) else with_unit(value, _BY[name][0])
-        for name, value in zip(names, values, strict=True)
+def _look(number: int, sense: float) -> dict[str, Any]:
+    """Look of the n-th order in one direction."""
+    colour = style.line_style(number)["color"]
+    return {
+        "color": colour,
+        "marker": _MARKS[number],
+        "ls": "solid" if sense > 0 else style.DASHED,
+        "mfc": colour if sense > 0 else "white",
+    }
+
+
+def table_passport(table: OrderTable, *, ax: Axes | None = None) -> Axes:
+    """Passports of a table's strongest orders, as `passport_plot` draws them."""
+    return passport_plot(passport(table.cases), ax=ax)
+
+
+def diagnosis_passport(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """Passports of the strongest orders that were diagnosed, as `passport_plot` draws them."""
+    return passport_plot(diagnosis.passport, ax=ax)
+
+
+def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None) -> Axes:
+    """Amplitude of the six strongest orders over the size of the output torque, with constant and load part as lines.
+
+    Forward is drawn with whole lines and filled marks, reverse with dashes and open ones.
+
+    Parameters
+    ----------
+    passports : sequence of OrderPassport
+        The strongest first.
+    ax : Axes, optional
+
+    Raises
+    ------
+    InputError
+        If no order was measured at several torques.
+    """
+    if not any(law.slope is not None for one in passports for law in one.laws):
+        raise InputError("no order was measured at two torques or more; a passport is drawn over the torque")
+    ax = axes_for(ax, height=4.2)
+    for number, one in enumerate(passports[:_MOST]):
+        for law in one.laws:
+            look = _look(number, law.direction)
+            if law.slope is not None:
+                torque = np.linspace(0.0, float(law.torque.max()), _CURVE)
+                size = np.abs(law.constant.value + law.slope.value * torque)
+                line = look | {"marker": ""}
+                ax.plot(in_shown_unit(torque, "torque"), in_shown_unit(size, "angle"), lw=1.2, **line)
+            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
+            measured = in_shown_unit(np.abs(law.waves), "angle")
+            ax.plot(in_shown_unit(law.torque, "torque"), measured, ms=5, label=label, **look | {"ls": "none"})
+    return labelled(
+        ax,
+        "orders over the load",
+        x="size of the output torque, N*m",
+        y="amplitude, arcsec",
+        yscale="log",  # the strongest order is often tens of times the next
+        legend="beside",
+        legend_title="lines: constant and load part",
     )
 
 
-def _over_condition(
-    ax: Axes,
-    by: str,
-    orders: Sequence[float],
-    groups: Mapping[tuple[float, ...], Sequence[OrderCase]],
-    widths: Mapping[tuple[float, ...], float],
-    senses: Sequence[float],
-) -> None:
-    for number, order in enumerate(orders):
-        colour, mark = style.line_style(number)["color"], _MARKS[number]
-        # the legend tells orders by full marks without a line, and the senses by lines without a mark
-        ax.plot([], [], color=colour, marker=mark, ls="none", ms=5, label=f"order {order:.6g}")
-        for rest, cases in groups.items():
-            for sense in senses:
-                points = sorted(
-                    (to_display(value, _BY[by][0]), float(np.abs(wave)))
-                    for case in cases
-                    if case.condition.direction == sense and (value := _value(case, by)) is not None
-                    for wave in case.waves[case.orders == order]
-                )
-                if not points:
-                    continue
-                at, size = np.array(points).T
-                ax.plot(
-                    at,
-                    in_shown_unit(size, "angle"),
-                    color=colour,
-                    marker=mark,
-                    ms=4,
-                    lw=widths[rest],
-                    ls="solid" if sense > 0 else style.DASHED,
-                    mfc=colour if sense > 0 else "white",
-                )
-    if len(senses) > 1:
-        for sense in senses:
-            ax.plot([], [], color=style.BLACK, ls="solid" if sense > 0 else style.DASHED, label=way(sense))
+def order_shares(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """What accounts for the power of each order of diagnosed tables, as bars that make 100 % together.
 
+    A part that works against the others stands below zero.
 
-def _over_order(
-    ax: Axes,
-    groups: Mapping[tuple[float, ...], Sequence[OrderCase]],
-    widths: Mapping[tuple[float, ...], float],
-    senses: Sequence[float],
-) -> None:
-    for sense in senses:
-        label = way(sense)
-        for rest, cases in groups.items():
-            for case in cases:
-                if case.condition.direction != sense:
-                    continue
-                colour = style.line_style(0 if sense > 0 else 1)["color"]
-                ax.plot(
-                    case.orders,
-                    in_shown_unit(np.abs(case.waves), "angle"),
-                    ls="none",
-                    color=colour,
-                    marker="o" if sense > 0 else "s",
-                    ms=3 + 2 * widths[rest],
-                    mfc=colour if sense > 0 else "none",
-                    label=label,
-                )
-                label = "_"  # one entry of the legend for all
+    Raises
+    ------
+    InputError
+        If no table was diagnosed.
+    """
+    if not diagnosis.shares:
+        raise InputError("no order table was diagnosed, so no order has shares; give order tables to diagnose")
+    ax = axes_for(ax, height=4.2)
+    at = np.arange(len(diagnosis.shares))
+    up, down = np.zeros(at.size), np.zeros(at.size)
+    for name, (label, face, hatch) in _SHARES.items():
+        part = 100 * np.array([getattr(share, name) for share in diagnosis.shares])
+        look: dict[str, Any] = {"color": face, "hatch": hatch, "edgecolor": "black", "linewidth": 0.5}
+        ax.bar(at, part, bottom=np.where(part < 0, down, up), label=label, **look)
+        up, down = up + np.maximum(part, 0), down + np.minimum(part, 0)
+    ticks = [f"{brief(one.order, 6)}\n{one.amplitude / ARCSEC:.3g}" for one in diagnosis.shares]
+    ax.set_xticks(at, ticks, size="x-small")
+    ax.axhline(0, color="black", lw=0.8)
+    return labelled(
+        ax,
+        "what accounts for each order",
+        x="order, per output turn, and its amplitude, arcsec",
+        y="share of the power, %",
+        legend="beside",
+    )

@@ -1,7 +1,8 @@
-"""The pictures of a result's page."""
+"""The pictures of a result: on its page, and all in one figure."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -15,24 +16,24 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.tolerances.allocation_result import Allocation
 from rverror.tolerances.full_budget import ErrorBudget
-from rverror.views.plots.diagnosed import diagnosis_figure
 from rverror.views.plots.drawing import PICTURES, draw
-from rverror.views.plots.figure import Figure
+from rverror.views.plots.figure import Figure, bare_figure
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.zoomable import figure_element
 
-#: Plots on the page of a kind of result; of any other the usual one.
+#: Plots that show a kind of result; of any other the usual one.
 _KINDS: Mapping[type, tuple[str, ...]] = MappingProxyType(
     {
-        Diagnosis: ("waveform", "residual", "spectrum", "resonances"),
+        Diagnosis: ("waveform", "residual", "spectrum", "passport", "resonances", "shares"),
         ErrorBudget: ("contributions", "distribution", "at_load"),
-        Allocation: ("widths", "costs", "at_load"),
+        Allocation: ("widths", "front", "at_load"),
         Lot: ("processes", "shares", "orders", "predicted"),
         Compensation: ("orders", "waveform"),
     }
 )
-_EACH_RUN = frozenset({"residual", "spectrum", "waveform", "orders"})  # as far as they take a run
+_PAGE_ALONE = "residual"  # which one figure of all has no room for
 _MOST_RUNS = 4
+_WIDTH, _HEIGHT = 9.0, 3.6  # inches of a row
 
 
 def figures_of(result: Any, **options: Any) -> Iterator[str]:
@@ -48,22 +49,52 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
     return (figure_element(figure, number) for number, figure in enumerate(_figures(result, options)))
 
 
+def figure_of(result: Any, **options: Any) -> Figure:
+    """One figure of a result, its plots in rows.
+
+    Parameters
+    ----------
+    result, **options
+        As of `figures_of`.
+    """
+    figure = bare_figure(_WIDTH, _HEIGHT)
+    for kind, given in _plots(result, options):
+        if kind == _PAGE_ALONE:
+            continue
+        ax = figure.add_subplot()
+        try:
+            draw(result, ax, kind=kind, **given)
+        except InputError:  # nothing of the kind
+            ax.remove()
+    rows = len(figure.axes)
+    figure.set_size_inches(_WIDTH, _HEIGHT * rows)
+    grid = figure.add_gridspec(rows, 1)
+    for row, ax in enumerate(figure.axes):
+        ax.set_subplotspec(grid[row, 0])
+    return figure
+
+
 def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
     if isinstance(result, Diagnosis):
         yield from _causes(result)
-        if result.shares:
-            yield diagnosis_figure(result)
-            return
+    for kind, given in _plots(result, options):
+        try:
+            yield draw(result, kind=kind, **given).figure  # type: ignore[misc]
+        except InputError:  # nothing of the kind
+            continue
+
+
+def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Kind and options of each plot that shows a result, one for each of its first runs."""
     own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
+    runs = len(getattr(result, "traces", getattr(result, "conditions", ())))
     for kind in _KINDS.get(type(result), tuple(own)[:1]):
-        taken = own[kind].__annotations__ if hasattr(own[kind], "__annotations__") else {}
+        taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}
-        for run in range(_MOST_RUNS if kind in _EACH_RUN and "run" in taken else 1):
-            try:
-                ax = draw(result, kind=kind, **(given | ({"run": run} if run else {})))
-            except InputError:  # nothing of the kind, or no further run
-                break
-            yield ax.figure  # type: ignore[misc]
+        if "run" in taken:
+            yield from ((kind, given | {"run": run}) for run in range(min(runs, _MOST_RUNS)))
+        else:
+            yield kind, given
 
 
 def _causes(found: Diagnosis) -> Iterator[Figure]:

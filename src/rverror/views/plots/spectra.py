@@ -18,7 +18,7 @@ from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
 from rverror.diagnosis.result import Trace
-from rverror.geartrain.kinematics import Conditions, true_period, whole_turn
+from rverror.geartrain.kinematics import true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
@@ -37,9 +37,8 @@ from rverror.views.plots.figure import (
     shown_unit,
     span_of,
     stated,
-    tallest,
 )
-from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution, strongest
+from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution
 from rverror.views.plots.waveforms import (
     MOST_TURNS,
     Signal,
@@ -55,6 +54,7 @@ _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact wav
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
 _ROWS = ((style.BLUE, "solid", 1.6), (style.ORANGE, style.DASHED, 0.8))
+_OPEN = 1.5  # times the largest line, that the ordinate shows
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -88,7 +88,8 @@ def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
     count, n = cut.values.shape
     # a mean of so many periods has so much less variance, and a line two coefficients
     floor = 2 * np.sqrt(noise_spectrum(cut.values) / (count * n))
-    return Lines(found.order, found.size, floor, f"noise of the mean of {count} periods, rms")
+    name = f"{way(signal.direction)}: noise of the mean of {count} periods, rms"
+    return Lines(found.order, found.size, floor, name)
 
 
 def _lines_of_travel(signal: Signal) -> Lines:
@@ -136,42 +137,36 @@ def model_spectrum(
     theta = _TURN * span * np.arange(round(turn.size * span)) / round(turn.size * span)
     parts = parts_of(model, theta, direction=direction, torque=torque)
     whole = lines_of(theta, parts.rows.sum(axis=0))
-    causes = causes_of(model, theta, parts.rows)
-
-    def name(order: float) -> str:
-        return _cause_name([key for key, _ in causes.at(order)], order)
-
+    name = causes_of(model, theta, parts.rows)
     title = [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
-    return _draw([("total", whole)], name, title=title, highest=highest, ax=ax)
+    return draw_lines([("total", whole)], name, title=title, highest=highest, ax=ax)
 
 
-@dataclass(frozen=True)
-class Causes:
-    """Amplitudes that each effect alone makes, by order: `rows` (effects, orders), with the effects' keys."""
+def causes_of(model: Model, theta: Array, rows: Array) -> Callable[..., str]:
+    """Names of peaks: of the effects that make a tenth or more of what is there in closed form, the largest first.
 
-    keys: tuple[str, ...]
-    order: Array
-    rows: Array
+    Parameters
+    ----------
+    model : Model
+    theta, rows : ndarray
+        Even angles (n,), and what each effect makes alone (effects, n).
 
-    def at(self, order: float) -> list[tuple[str, float]]:
-        """Key and amplitude of those that make a tenth or more of what the largest makes, the largest first."""
-        size = self.rows[:, int(np.argmin(np.abs(self.order - order)))]
-        by_size = np.argsort(-size, kind="stable")
-        return [(self.keys[i], float(size[i])) for i in by_size if size[i] > _PART * size[by_size[0]]]
-
-
-def causes_of(model: Model, theta: Array, rows: Array) -> Causes:
-    """Spectra of what the effects of a model make alone at even angles: `rows`, (effects, n)."""
+    Returns
+    -------
+    callable
+        Of an order and, where other than effects make it too, the size of the peak: the order, the effect that makes
+        most of it, and how many others share in it; empty without any.
+    """
     found = [lines_of(theta, row) for row in rows]
-    order = found[0].order if found else lines_of(theta, np.zeros_like(theta)).order
-    size = np.array([one.size for one in found]).reshape(len(found), order.size)
-    return Causes(tuple(effect.key for effect in model.effects), order, size)
 
+    def name(order: float, size: float = 0.0) -> str:
+        alone = [float(one.size[int(np.argmin(np.abs(one.order - order)))]) for one in found]
+        least = _PART * max([size, *alone])
+        keys = [model.effects[i].key for i in np.argsort(alone)[::-1] if alone[i] > least]
+        others = f" + {len(keys) - 1}" if len(keys) > 1 else ""
+        return f"{order:g}: {keys[0]}{others}" if keys else ""
 
-def _cause_name(keys: Sequence[str], order: float) -> str:
-    """Order, the effect that makes most of it, and how many others share in it; empty without any."""
-    others = f" + {len(keys) - 1}" if len(keys) > 1 else ""
-    return f"{order:g}\n{keys[0]}{others}" if keys else ""
+    return name
 
 
 def run_spectrum(
@@ -195,7 +190,7 @@ def run_spectrum(
         rows.append((way(signal.direction), Lines(found.order, size, floor, found.floor_name)))
     name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
     unit, title = shown_unit(signals[0].quantity), run_title(run, ratio, signals)
-    return _draw(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
+    return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
 def state_spectrum(
@@ -225,21 +220,17 @@ def state_spectrum(
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
     unit = mechanism if state.model is None else state.model.mechanism
-    name = _namer(unit, found)
-    if state.model is not None and state.conditions is not None:
-        name = partial(_loaded_name, _causes_at(state.model, state.conditions), found, name)
-    return _draw([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
+    frame, where = _namer(unit, found), state.conditions
+    causes: Callable[..., str] | None = None
+    if state.model is not None and where is not None:
+        alone = in_shown_unit(transmission_error_by_effect(state.model, where), "angle")
+        causes = causes_of(state.model, where.theta, alone)
 
+    def name(order: float) -> str:
+        size = float(found.size[int(np.argmin(np.abs(found.order - order)))])
+        return (causes(order, size) if causes else "") or frame(order)
 
-def _causes_at(model: Model, where: Conditions) -> Causes:
-    rows = in_shown_unit(transmission_error_by_effect(model, where), "angle")
-    return causes_of(model, where.theta, rows)
-
-
-def _loaded_name(causes: Causes, lines: Lines, frame: Callable[[float], str], order: float) -> str:
-    """Name of a peak under load: of what makes a tenth of it or more in closed form, else of its frame."""
-    size = float(lines.size[int(np.argmin(np.abs(lines.order - order)))])
-    return _cause_name([key for key, alone in causes.at(order) if alone > _PART * size], order) or frame(order)
+    return draw_lines([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
 
 
 def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mechanism:
@@ -264,7 +255,7 @@ def _namer(mechanism: Mechanism | None, lines: Lines) -> Callable[[float], str]:
     return partial(frame_name, mechanism, within=resolution(lines.order))
 
 
-def _draw(
+def draw_lines(
     rows: Sequence[tuple[str, Lines]],
     name: Callable[[float], str],
     *,
@@ -273,26 +264,43 @@ def _draw(
     highest: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Stems of each row, floors as lines, the strongest peaks of the first row named."""
-    ax = axes_for(ax)
+    """Stems of each row, floors as lines, the strongest peaks of the first row named.
+
+    Parameters
+    ----------
+    rows : sequence of (str, Lines)
+        Name and lines in the unit shown, at the same orders.
+    name : callable
+        Text for the order of a peak.
+    title : sequence of str
+    unit : str
+    highest : float, optional
+        Where left out, the last order that stands out is shown.
+    ax : Axes, optional
+    """
+    ax = axes_for(ax, height=4.2)
     lines = rows[0][1]
     top = span_of(max(float(found.size.max(initial=0.0)) for _, found in rows))
     floors = [float(np.median(found.floor)) for _, found in rows if found.floor is not None]
     bottom = max(min(floors) / 4, 1e-6 * top) if floors and min(floors) > 0 else _LEAST_SHARE * top
-    out = _threshold(lines, top)
     last = highest or _last(rows, top)
     # the second row is drawn thin and light over the first
     for (label, found), (colour, dashes, width) in zip(rows, _ROWS, strict=False):
-        shown = (found.order <= last) & (found.size > bottom)
-        order, size = tallest(found.order[shown], found.size[shown])
+        shown = found.order <= last
+        high = shown & (found.size > bottom)
+        order, size = for_drawing(found.order[high], found.size[high])
         ax.vlines(order, bottom, size, color=colour, lw=width, label=label)
-        if found.floor is not None:
-            at, name_of = found.order <= last, f"{label}: {found.floor_name}"
-            ax.plot(*for_drawing(found.order[at], found.floor[at]), color=style.BLACK, ls=dashes, lw=1.0, label=name_of)
-    labelled(ax, *title, x=ORDER, y=f"amplitude, {unit}", xlim=(0, last))
-    size = np.where(lines.order <= last, lines.size, 0.0)
-    chosen = strongest(size, floor=out, apart=LOBE if resolution(lines.order) else 1)
-    name_peaks(ax, lines.order[chosen], size[chosen], name, bottom=bottom, top=top)
+        if found.floor is not None and found.floor_name:
+            floor = for_drawing(found.order[shown], np.maximum(found.floor[shown], bottom))
+            ax.plot(*floor, color=style.BLACK, ls=dashes, lw=1.0, label=found.floor_name)
+    ax.set_yscale("log")
+    limits: dict[str, Any] = {"xlim": (0, last), "ylim": (bottom, _OPEN * top)}
+    labelled(
+        ax, *title, x=ORDER, y=f"amplitude, {unit}", legend="below" if len(rows) + len(floors) > 1 else "", **limits
+    )
+    shown = lines.order <= last
+    apart = 2 * LOBE if resolution(lines.order) else 1
+    name_peaks(ax, lines.order[shown], lines.size[shown], name, floor=_threshold(lines, top)[shown], apart=apart)
     return ax
 
 

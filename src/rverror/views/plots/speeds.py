@@ -1,16 +1,17 @@
-"""Plots of the output error against speed: amplitudes by order, Campbell diagram, map of orders over speed."""
+"""Plots of the output error at speed: amplitudes by order, Campbell diagram, map of orders over speed, run-up."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
+from rverror.base.numbers import with_unit
 from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
+from rverror.dynamics.running_up import RunUp
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
 from rverror.views.plots import style
@@ -18,10 +19,10 @@ from rverror.views.plots.figure import (
     ORDER,
     Axes,
     axes_for,
+    for_drawing,
     heat_map,
     in_shown_unit,
     labelled,
-    legend_beside,
     plain,
     shown_unit,
     stated,
@@ -31,7 +32,6 @@ _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
 _APART = 0.045  # of what an axis shows, between texts
 _LINE = 10.0  # points, of small text
-_NAMES_OF_MODES = 0.15  # of the diagram's width, right of it
 
 
 def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -82,9 +82,9 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
 
     Notes
     -----
-    Lines are named by order and frames, modes by their number, from the lowest frequency up.  Beside the diagram stand
-    their frequencies, and of each numbered crossing mode, order and input speed; of more than a dozen those of the
-    orders with the largest error.  A ring is a critical speed.
+    Lines are named by order and frames.  Beside the diagram stand the frequencies of the modes, numbered from the
+    lowest up, and of each numbered crossing mode, order and input speed; of more than a dozen those of the orders with
+    the largest error.  A ring is a critical speed.
     """
     ax = axes_for(ax, height=4.8)
     leading = _leading(response, most)
@@ -106,15 +106,31 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
             ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=width)
-    _name_modes(ax, response.frequency[low], top)
     _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
-    told = _number_crossings(ax, response, leading, last, top)
-    limits: dict[str, Any] = {"xlim": (0, max(last, 1e-9)), "ylim": (0, max(top, 1e-9))}
-    title = _title("Campbell diagram", response, leading)
-    labelled(ax, *title, x=_SPEED, y="frequency, Hz", legend="", **limits)
-    legend_beside(ax, away=_NAMES_OF_MODES)
-    ax.text(1.02 + _NAMES_OF_MODES, 0.0, told, transform=ax.transAxes, va="bottom", fontsize="x-small", gid="crossings")
-    return ax
+    found = _crossings(response, leading, last, top)
+    for number, (speed, frequency, *_) in enumerate(found, start=1):
+        ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
+        near = [
+            at
+            for at, of, *_ in found[: number - 1]
+            if speed - at < _APART * last and abs(frequency - of) < _APART * top
+        ]
+        above = (-7, 3 + _LINE * len(near))  # neighbours stand above one another
+        ax.annotate(str(number), (speed, frequency), xytext=above, textcoords="offset points", fontsize="x-small")
+    told = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in np.flatnonzero(low)]
+    told += ["crossings: mode, order, rpm"] if found else []
+    for number, (speed, _, mode, order) in enumerate(found, start=1):
+        told.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
+    return labelled(
+        ax,
+        *_title("Campbell diagram", response, leading),
+        x=_SPEED,
+        y="frequency, Hz",
+        xlim=(0, max(last, 1e-9)),
+        ylim=(0, max(top, 1e-9)),
+        legend="beside",
+        legend_title="\n".join(told),
+    )
 
 
 def _framed(response: SpeedResponse, order: float) -> str:
@@ -126,51 +142,19 @@ def _framed(response: SpeedResponse, order: float) -> str:
     return _named(order) + (f": {', '.join(frames[:2])}" if frames else "")
 
 
-def _name_modes(ax: Axes, frequency: Array, top: float) -> None:
-    """Number of each mode behind the end of its line; of lines close together one text for all."""
-    together: list[list[int]] = []
-    for mode, one in enumerate(frequency.tolist()):
-        if together and one - frequency[together[-1][-1]] < _APART * top:
-            together[-1].append(mode)
-        else:
-            together.append([mode])
-    for group in together:
-        which = f"mode {group[0] + 1}" if len(group) == 1 else f"modes {group[0] + 1} to {group[-1] + 1}"
-        at = float(frequency[group].mean())
-        ax.text(1.01, at, which, transform=ax.get_yaxis_transform(), va="center", fontsize="x-small", gid="mode")
-
-
-def _number_crossings(ax: Axes, response: SpeedResponse, leading: npt.NDArray[np.intp], last: float, top: float) -> str:
-    """Number crossings of orders and modes from the lowest speed up; what each mode and number is, a line for each."""
+def _crossings(
+    response: SpeedResponse, leading: npt.NDArray[np.intp], last: float, top: float
+) -> list[tuple[float, float, int, float]]:
+    """Input speed, frequency, mode and order of crossings in the diagram, from the lowest speed up."""
     size = np.abs(np.vstack([response.crawl_waves, response.waves])).max(axis=0)
     found = []
-    for at in leading.tolist():
+    for at in sorted(leading.tolist(), key=lambda at: -size[at]):
+        order = float(response.order[at])
         for mode, frequency in enumerate(response.frequency.tolist()):
-            order = float(response.order[at])
             speed = float(in_shown_unit(np.array(frequency * 2 * np.pi * response.ratio / order), "angular_speed"))
             if 0 < speed <= last and frequency <= top:
-                found.append((speed, frequency, mode + 1, order, float(size[at])))
-    found = sorted(sorted(found, key=lambda one: -one[4])[:_MOST])
-    shown = np.flatnonzero(response.frequency <= top).tolist()
-    lines = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in shown]
-    lines += ["", "crossings: mode, order, rpm"] if found else []
-    for number, (speed, frequency, mode, order, _) in enumerate(found, start=1):
-        ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
-        near = [
-            y for x, y, *_ in found[: number - 1] if speed - x < _APART * last and abs(frequency - y) < _APART * top
-        ]
-        ax.annotate(
-            str(number),
-            (speed, frequency),
-            xytext=(-4, 3 + _LINE * len(near)),  # neighbours stand above one another
-            textcoords="offset points",
-            ha="right",
-            va="bottom",
-            fontsize="x-small",
-            gid="crossing",
-        )
-        lines.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
-    return "\n".join(lines)
+                found.append((speed, frequency, mode + 1, order))
+    return sorted(found[:_MOST])
 
 
 def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | None = None) -> Axes:
@@ -221,3 +205,36 @@ def _title(what: str, response: SpeedResponse, leading: npt.NDArray[np.intp] | N
     if leading is not None and leading.size < response.order.size:
         parts.append(f"the largest {leading.size} of {response.order.size} orders")
     return parts
+
+
+def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
+    """Error over the time about its mean at a crawl, windup and vibration; grey where contacts would have to pull.
+
+    Parameters
+    ----------
+    found : RunUp
+    """
+    ax = axes_for(ax, height=4.2)
+    about = found.crawl.mean()
+    rows = (found.transmission_error - about, found.vibration, found.windup)
+    time, *drawn = for_drawing(found.time, *(in_shown_unit(row, "angle") for row in rows))
+    ax.plot(time, drawn[0], color=style.BLACK, lw=0.8, label="error")
+    for number, (label, row) in enumerate(zip(("vibration", "windup"), drawn[1:], strict=True)):
+        ax.plot(time, row, lw=1.2, label=label, **style.line_style(number))
+    pulls = found.output_torque < 0
+    if pulls.any():
+        across = ax.get_xaxis_transform()
+        ax.fill_between(
+            found.time, 0, 1, where=pulls, transform=across, color=style.GREY, alpha=0.4, label="contacts pull"
+        )
+    last = with_unit(float(found.speed[-1]), "angular_speed")
+    title = f"run-up from {with_unit(float(found.speed[0]), 'angular_speed')} to {last}"
+    return labelled(
+        ax,
+        title,
+        *stated(torque=found.torque, direction=found.direction),
+        x="time, s",
+        y="transmission error, arcsec",
+        xlim=(float(np.min(found.time)), float(np.max(found.time))),
+        legend="beside",
+    )

@@ -1,11 +1,10 @@
-"""Plots of the transmission error over the output angle: by source, stacked, polar; of models, runs and states.
+"""Plots of the transmission error over the output angle: of models by source, stacked, polar; of runs and states.
 
 Options that are not described here mean what `drawing.draw` says of them.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +16,7 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction
 from rverror.base.errors import InputError
-from rverror.base.numbers import way
+from rverror.base.numbers import brief, way
 from rverror.base.text import describe, file_name
 from rverror.geartrain.kinematics import true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Reducer
@@ -34,25 +33,20 @@ from rverror.views.plots.figure import (
     axes_for,
     for_drawing,
     in_shown_unit,
-    legend_in_ring,
+    labelled,
     over_angle,
     plain,
     shown_unit,
     signal_label,
     span_of,
     stated,
-    titled,
 )
 
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
-_NAMED = 12  # effects for which a legend has room
 _TURN = 2 * np.pi
-_LABELS_AT = np.radians(22.5)  # of the circles
 _HATCH = (0.0, 0.0, 0.0, 0.5)
-_STATE = "loaded equilibrium"
 _ORIGIN = 4.0  # centre of polar axes, of their span either side of the base circle below it
-_HOLE = (_ORIGIN - 1) / (_ORIGIN + 1)  # of their radius, within which nothing is drawn
 _FLATTENED = 2.0  # times the largest wave, that lines with their constants span
 
 
@@ -93,8 +87,8 @@ def model_waveform(
     direction: Direction = "forward",
     time: Any = None,
     torque: Any = None,
-    most: int | None = None,
-    waves: int | None = None,
+    most: int = 6,
+    waves: int = 12,
     ax: Axes | None = None,
 ) -> Axes:
     """Transmission error of a model over one turn by effect and in total, closed form.
@@ -103,10 +97,10 @@ def model_waveform(
     ----------
     model : Model
     theta, direction, time, torque : optional
-        As in `draw`; a whole turn where no angles are given.
-    most : int, optional
-        Effects that get a line of their own, the largest; the sum of the others is one more.  All where left out.
-    waves : int, optional
+        As in `draw`.
+    most : int
+        Effects that get a line of their own, the largest; the sum of the others is one more.
+    waves : int
         Where no angles are given, only so many waves of the strongest order are drawn, a whole turn at the most.
 
     Raises
@@ -115,27 +109,14 @@ def model_waveform(
         If an effect needs a time or a torque that is not given.
     """
     ax = axes_for(ax)
-    parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
-    if theta is None and waves is not None:
-        parts = _first_waves(parts, waves)
-    shown = parts if most is None else parts.largest(most)
-    named = np.argsort(-np.abs(shown.rows).max(axis=1), kind="stable")[:_NAMED].tolist()
+    shown = _shown(model, theta, most, waves, direction=direction, time=time, torque=torque)
     drawn = about_constants(shown)
     angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
-    for i, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
-        if i in named:
-            ax.plot(angle, row, lw=0.9, label=name, **style.line_style(sorted(named).index(i)))
-        else:
-            ax.plot(angle, row, lw=0.4, color=style.GREY)
+    for number, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
+        ax.plot(angle, row, lw=0.9, label=name, **style.line_style(number))
     ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
-    more = len(shown.names) - len(named)
-    return over_angle(
-        ax,
-        *_title(model, torque=torque, direction=direction),
-        y=_error_label(shown, drawn),
-        legend="beside",
-        legend_title=f"the largest, {more} more unnamed" if more else None,
-    )
+    title = _title(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, y=_error_label(shown, drawn), legend="beside")
 
 
 def stacked(
@@ -154,24 +135,24 @@ def stacked(
     An effect that is negative at an angle takes its height off there.  Its options are those of `model_waveform`.
     """
     ax = axes_for(ax, height=3.8)
-    parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
-    if theta is None:
-        parts = _first_waves(parts, waves)
-    shown = parts.largest(most)
+    shown = _shown(model, theta, most, waves, direction=direction, time=time, torque=torque)
     drawn = about_constants(shown)
     whole = np.concatenate([np.zeros((1, drawn.theta.size)), np.cumsum(drawn.rows, axis=0)])
     angle, *edges = for_drawing(np.degrees(drawn.theta), *whole)
     for i, name in enumerate(drawn.names):
-        area = ax.fill_between(
-            angle, edges[i], edges[i + 1], lw=0.0, edgecolor=_HATCH, label=name, **style.fill_style(i)
-        )
-        area.set_alpha(0.55)
+        look = style.fill_style(i)
+        ax.fill_between(angle, edges[i], edges[i + 1], lw=0.0, alpha=0.55, edgecolor=_HATCH, label=name, **look)
         ax.plot(angle, edges[i + 1], color=style.BLACK, lw=0.5)
     ax.axhline(0, color=style.BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=style.BLACK, lw=1.6, label="total")
-    return over_angle(
-        ax, *_title(model, torque=torque, direction=direction), y=_error_label(shown, drawn), legend="beside"
-    )
+    title = _title(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, y=_error_label(shown, drawn), legend="beside")
+
+
+def _shown(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> Parts:
+    """The largest effects at the angles given, or over a few waves of the strongest order."""
+    parts = parts_of(model, theta, **motion)
+    return (_first_waves(parts, waves) if theta is None else parts).largest(most)
 
 
 def about_constants(parts: Parts) -> Parts:
@@ -187,11 +168,9 @@ def about_constants(parts: Parts) -> Parts:
     if largest <= NOTHING or float(np.ptp(lines)) <= _FLATTENED * largest:
         return parts
     constants = parts.rows.mean(axis=1)
-    names = [
-        f"{name}, about {at:+.4g}" if abs(at) > NOTHING else name
-        for name, at in zip(parts.names, constants, strict=True)
-    ]
-    return Parts(parts.theta, parts.rows - constants[:, None], tuple(names))
+    told = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
+    names = tuple(name + about for name, about in zip(parts.names, told, strict=True))
+    return Parts(parts.theta, parts.rows - constants[:, None], names)
 
 
 def _error_label(whole: Parts, drawn: Parts) -> str:
@@ -222,7 +201,7 @@ def model_polar(
     torque: Any = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Total transmission error of a model about a base circle, over the output angle.
+    """Total transmission error of a model over the output angle, about a circle that stands for its mean.
 
     A drive that repeats after some turns is drawn over all of them.
     """
@@ -230,8 +209,23 @@ def model_polar(
     if theta is None and 1 < turns <= MOST_TURNS:
         theta = np.concatenate([whole_turn(model.mechanism) + _TURN * turn for turn in range(turns)])
     parts = parts_of(model, theta, direction=direction, time=time, torque=torque)
+    ax = axes_for(ax, projection="polar", width=6.0, height=6.0)
+    total = parts.rows.sum(axis=0)
+    mean = float(total.mean())
+    reach = 1.05 * span_of(float(np.abs(total - mean).max()))
+    ax.plot(*for_drawing(parts.theta, total - mean), lw=0.9, color=style.BLUE, label="total")
+    circle = np.linspace(0, _TURN, 361)
+    base = f"base circle: mean, {brief(mean, 3)} {shown_unit('angle')}"
+    ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=style.DASHED, label=base)
+    ax.set_rlim(-reach, reach)  # type: ignore[attr-defined]
+    ends = [-reach, 0.0, reach]
+    ax.set_rticks(ends, [brief(end, 2) for end in ends])  # type: ignore[attr-defined]
+    ax.set_rorigin(-_ORIGIN * reach)  # type: ignore[attr-defined]
+    name, unit = signal_label("angle").split(", ")
     title = _title(model, torque=torque, direction=direction)
-    return _polar([("total", parts.theta, parts.rows.sum(axis=0))], title=title, ax=ax)
+    labelled(ax, *title, x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
+    ax.yaxis.labelpad = 30
+    return ax
 
 
 def _title(model: Model, *, torque: Any, direction: Direction) -> list[str]:
@@ -283,11 +277,6 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
     return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
 
 
-def _broken(x: Array, y: Array, breaks: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-    """A line with gaps where a pass ended and another began."""
-    return np.insert(x, breaks, np.nan), np.insert(y, breaks, np.nan)
-
-
 def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: Sequence[Signal]) -> list[str]:
     """Unit where it is known, short name, torque and directions of a run."""
     directions = [signal.direction for signal in signals]
@@ -305,18 +294,13 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
     """Transmission error of a run, or its torque, over the nominal output angle, its offset left in."""
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
-    for part, (colour, dashes) in zip(signals, ((style.BLUE, "solid"), (style.VERMILLION, style.DASHED)), strict=False):
-        whole = _broken(np.degrees(part.theta), in_shown_unit(part.values, part.quantity), part.breaks)
-        ax.plot(*for_drawing(*whole), color=colour, ls=dashes, lw=0.9, label=way(part.direction))
+    for number, part in enumerate(signals):
+        rows = np.degrees(part.theta), in_shown_unit(part.values, part.quantity)
+        # a gap where a pass ended and another began
+        drawn = for_drawing(*(np.insert(row, part.breaks, np.nan) for row in rows))
+        ax.plot(*drawn, lw=0.9, label=way(part.direction), **style.line_style(number))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
     return over_angle(ax, *run_title(run, ratio, signals), y=signal_label(signals[0].quantity))
-
-
-def run_polar(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
-    """Transmission error of a run, or its torque, about a base circle; revolutions lie over one another."""
-    signals = signals_of(run, ratio)
-    lines = [(way(s.direction), *_broken(s.theta, in_shown_unit(s.values, s.quantity), s.breaks)) for s in signals]
-    return _polar(lines, title=run_title(run, ratio, signals), quantity=signals[0].quantity, ax=ax)
 
 
 # --- loaded states ----------------------------------------------------------------------------------------------------
@@ -326,26 +310,17 @@ def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state."""
     values = in_shown_unit(state.transmission_error, "angle")
     ax = axes_for(ax)
-    ax.plot(*for_drawing(np.degrees(state.theta), values), color=style.BLUE, lw=1.0, label=_STATE)
+    ax.plot(*for_drawing(np.degrees(state.theta), values), color=style.BLUE, lw=1.0)
     return over_angle(ax, *state_title(state), y=signal_label("angle"), legend="")
-
-
-def state_polar(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
-    """Transmission error of a loaded state about a base circle."""
-    values = in_shown_unit(state.transmission_error, "angle")
-    return _polar([(_STATE, state.theta, values)], title=state_title(state), ax=ax)
 
 
 def state_title(state: Equilibrium) -> list[str]:
     """Unit, load and direction of a loaded state, as far as it knows them."""
-    unit = [] if state.model is None else [unit_name(state.model)]
+    told = [] if state.model is None else [unit_name(state.model)]
     where = state.conditions
-    load = (
-        []
-        if where is None
-        else stated(torque=where.torque if where.load is None else where.load, direction=where.direction)
-    )
-    return [*unit, *load, _STATE]
+    if where is not None:
+        told += stated(torque=where.torque if where.load is None else where.load, direction=where.direction)
+    return [*told, "loaded equilibrium"]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
@@ -361,42 +336,3 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
     return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}", columns=4)
-
-
-# --- about a base circle ----------------------------------------------------------------------------------------------
-
-
-def _polar(
-    lines: Sequence[tuple[str, Array, Array]], *, title: Sequence[str], quantity: str = "angle", ax: Axes | None = None
-) -> Axes:
-    """Lines (name, rad, shown unit) about a circle that stands for their common mean."""
-    ax = axes_for(ax, projection="polar", width=6.0, height=6.0)
-    unit = shown_unit(quantity)
-    mean = float(np.nanmean(np.concatenate([values for _, _, values in lines])))
-    reach = span_of(max(float(np.nanmax(np.abs(values - mean))) for _, _, values in lines))
-    step = _round_step(reach)
-    for number, (name, theta, values) in enumerate(lines):
-        ax.plot(*for_drawing(theta, values - mean), lw=0.9, label=name, **style.line_style(number))
-    circle = np.linspace(0, _TURN, 361)
-    digits = 3 - math.floor(math.log10(reach))  # no more than the circles show
-    label = f"base circle: mean, {round(mean, digits) + 0.0:.6g} {unit}"
-    ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=(0, (6, 3)), label=label)
-    outer = step * np.ceil(reach / step - 1e-9)
-    ax.set_rlim(-outer, outer)  # type: ignore[attr-defined]
-    ax.set_rorigin(-_ORIGIN * outer)  # type: ignore[attr-defined]
-    circles = step * np.arange(-round(outer / step), round(outer / step) + 1)
-    ax.set_rticks(circles, [])  # type: ignore[attr-defined]
-    for place, word in ((-outer, f"{-outer:g}"), (0.0, "0"), (outer, f"+{outer:g} {unit}")):
-        box = {"fc": "white", "ec": "none", "pad": 0.8}
-        ax.text(_LABELS_AT, place, word, ha="center", va="center", fontsize="x-small", bbox=box)
-    titled(ax, *title)
-    ax.set_xlabel(f"{OUTPUT_ANGLE}; {step:g} {unit} from circle to circle")
-    ax.set_ylabel(f"outwards: {signal_label(quantity).partition(',')[0]} above its mean, {unit}", labelpad=30)
-    legend_in_ring(ax, inner=_HOLE)
-    return ax
-
-
-def _round_step(reach: float) -> float:
-    """Largest of 1, 2 or 5 times a power of ten that a value holds."""
-    power = 10.0 ** np.floor(np.log10(reach) + 1e-12)
-    return float(next(f * power for f in (5, 2, 1) if f * power <= reach * (1 + 1e-9)))

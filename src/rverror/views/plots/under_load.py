@@ -1,0 +1,222 @@
+"""Plots of what a reducer does under load: torsion curve and loop, losses to friction, pressure, wear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.errors import InputError
+from rverror.base.numbers import brief, way
+from rverror.base.text import describe
+from rverror.statics.duty import duty_words
+from rverror.statics.friction import Efficiency, Hysteresis
+from rverror.statics.hertz import ContactPressure
+from rverror.statics.rigidity import TorsionCurve, on_its_branch
+from rverror.statics.worn_contacts import Wear
+from rverror.views.plots import style
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, over_angle, shown_unit
+
+_PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
+_ROOM = 1.35  # times the highest bar, with the efficiency written above it
+_MARKS = "os^D"  # one for each kind of contact
+
+# --- torsion ----------------------------------------------------------------------------------------------------------
+
+
+def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes | None = None) -> Axes:
+    """Turn of the output over the torque on it, mean of the angles at which the input was held, and its spread.
+
+    The branches of either sense are drawn apart: between them lies the play, which torques other than zero do not show.
+
+    Parameters
+    ----------
+    curve : TorsionCurve
+    rated : float or str or quantity, optional
+        Rated torque, N*mm: marks the lost motion between +-3 % of it.
+
+    Raises
+    ------
+    InputError
+        If the curve does not reach +-3 % of the rated torque.
+    """
+    order = np.argsort(curve.torque, kind="stable")
+    torque, angle = in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle")
+    middle = angle.mean(axis=1)
+    branches = [
+        (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))
+        for word, at in (("counter-clockwise", torque > 0), ("clockwise", torque < 0))
+        if at.any()
+    ]
+    lost = _lost_motion(torque, middle, rated)
+    ax = axes_for(ax, height=3.8)
+    for number, (label, at, mean, low, high) in enumerate(branches):
+        ax.fill_between(torque[at], low, high, color=style.GREY, alpha=0.3, lw=0)
+        ax.plot(torque[at], mean, marker=_MARKS[number], ms=4, lw=1.2, label=label, **style.line_style(number))
+    if (torque == 0).any():
+        ax.plot([0.0], [0.0], "o", color=style.BLACK, mfc="white", ms=5, label="no torque: middle of the play")
+    return _torsion_axes(ax, "torsion", "mean and range", angle.shape[1], lost)
+
+
+def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None = None) -> Axes:
+    """Turn of the output as the torque rises and as it falls, mean of the angles at which the input was held.
+
+    Parameters
+    ----------
+    found : Hysteresis
+    rated : float or str or quantity, optional
+        Rated torque, N*mm: marks the lost motion between +-3 % of it, at the midpoints of the loop's width.
+
+    Raises
+    ------
+    InputError
+        If the loop does not reach +-3 % of the rated torque.
+    """
+    order = np.argsort(found.torque, kind="stable")
+    torque = in_shown_unit(found.torque[order], "torque")
+    rising, falling = (in_shown_unit(branch[order].mean(axis=1), "angle") for branch in (found.rising, found.falling))
+    lost = _lost_motion(torque, (rising + falling) / 2, rated)
+    ax = axes_for(ax, height=5.0)
+    ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
+    for number, (label, branch) in enumerate((("torque rises", rising), ("torque falls", falling))):
+        ax.plot(torque, branch, marker=_MARKS[number], ms=3, lw=1.2, label=label, **style.line_style(number))
+    return _torsion_axes(ax, "loop of the torsion curve", "mean", found.rising.shape[1], lost)
+
+
+def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Array, Array] | None) -> Axes:
+    """Words, and the lost motion where it is asked for."""
+    if lost is not None:
+        label = f"lost motion at +-{_PERCENT:g} %: {np.ptp(lost[1]):.3g} arcsec"
+        ax.plot(*lost, "D", color=style.BLACK, ms=4, label=label)
+    ax.axhline(0, color=style.BLACK, lw=0.4)
+    ax.axvline(0, color=style.BLACK, lw=0.4)
+    held = f"{shown} over {angles} angles" if angles > 1 else ""
+    x, y = "torque on the output, N*m", "turn of the output, arcsec"
+    return labelled(ax, what, "input held", held, x=x, y=y, columns=2)
+
+
+def _lost_motion(torque: Array, angle: Array, rated: Any) -> tuple[Array, Array] | None:
+    """Torques, N*m, and the curve there, each read on its own branch; none where no torque is rated."""
+    if rated is None:
+        return None
+    ends = units.to_core(rated, "torque") / 1e3 * _PERCENT / 100 * np.array([-1.0, 1.0])
+    try:
+        return ends, np.array([on_its_branch(torque, angle, end) for end in ends.tolist()])
+    except ValueError as problem:
+        raise InputError(
+            f"the curve holds no torques on both sides of +-{ends[1]:g} N*m, {_PERCENT:g} % of the rated torque; "
+            "compute it for more torques"
+        ) from problem
+
+
+# --- friction, pressure, wear -----------------------------------------------------------------------------------------
+
+
+def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | None = None) -> Axes:
+    """Bars of the work put in that each kind of contact takes, with the efficiency above; loads grow to the right.
+
+    Parameters
+    ----------
+    found : Efficiency
+    beside : sequence of Efficiency
+        Of other loads, of the other direction or with power from the other side; each has a bar.
+
+    Raises
+    ------
+    InputError
+        If something beside it is no efficiency.
+    """
+    for one in beside:
+        if not isinstance(one, Efficiency):
+            raise InputError(f"beside holds a {type(one).__name__}, no Efficiency; give results of efficiency()")
+    ax = axes_for(ax, height=4.6)
+    listed = sorted([found, *beside], key=lambda one: one.torque)
+    place, top = np.arange(len(listed)), np.zeros(len(listed))
+    for number, part in enumerate(found.losses):
+        height = np.array([100 * one.by_part[part] for one in listed])
+        ax.bar(place, height, 0.8, top, label=part.replace("_", " "), ec="black", lw=0.4, **style.fill_style(number))
+        top += height
+    for x, high, one in zip(place.tolist(), top, listed, strict=True):
+        ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
+    cases = [_case(one) for one in listed]
+    common = cases[0] if len(set(cases)) == 1 else ""
+    loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
+    ticks = loads if common else [f"{load}, {case}" for load, case in zip(loads, cases, strict=True)]
+    ax.set_xticks(place, ticks, fontsize="small", rotation=0 if common else 90)
+    return labelled(
+        ax,
+        "losses to friction, above them the efficiency",
+        common,
+        x="torque on the output, N*m",
+        y="lost of the work put in, %",
+        xlim=(-1.0, len(listed)),
+        ylim=(0, _ROOM * max(float(top.max()), 1.0)),
+        legend="beside",
+    )
+
+
+def _case(one: Efficiency) -> str:
+    """What drives, and which way it goes."""
+    ways = {way(sense) for sense in one.direction.tolist()}
+    return f"{one.drives} drives, {ways.pop() if len(ways) == 1 else 'mixed'}"
+
+
+def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
+    """Largest pressure among the contacts of each kind at each angle, and thin that of the one which presses hardest.
+
+    A mark stands at the largest of all; beside it in the legend which contact it is, and at which angle.
+
+    Parameters
+    ----------
+    found : ContactPressure
+    """
+    ax = axes_for(ax, height=4.2)
+    order = np.argsort(found.theta, kind="stable")
+    angle = np.degrees(found.theta[order])
+    for number, peak in enumerate(found.peaks()):
+        look = style.line_style(number)
+        pressure = in_shown_unit(found.pressure[peak.contact], "pressure")[..., order]
+        hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
+        ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **look)
+        ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=look["color"])
+        at = float(in_shown_unit(np.array([peak.pressure]), "pressure")[0])
+        where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
+        mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
+        ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
+    y = f"largest pressure, {shown_unit('pressure')}"
+    return over_angle(ax, "contact pressure", y=y, ylim=(0, None), columns=2)
+
+
+def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
+    """Lost motion and peak-to-peak over the hours of operation.
+
+    Parameters
+    ----------
+    found : Wear
+    """
+    ax = axes_for(ax, height=3.6)
+    rows = {"lost motion": found.lost_motion, "peak-to-peak under load": found.peak_to_peak}
+    for number, (label, row) in enumerate(rows.items()):
+        look = style.line_style(number)
+        ax.plot(found.hours, in_shown_unit(row, "angle"), marker=_MARKS[number], ms=4, label=label, **look)
+    x, y = "time of operation, h", "turn of the output, arcsec"
+    return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y=y, ylim=(0, None), legend="beside")
+
+
+def worn_lobe(found: Wear, *, ax: Axes | None = None) -> Axes:
+    """Depth that a lobe and the pin on it have lost together over the roll angle, at some of the hours.
+
+    Parameters
+    ----------
+    found : Wear
+    """
+    ax = axes_for(ax, height=3.6)
+    depth = in_shown_unit(found.lobe_depth + found.pin_depth, "length")
+    chosen = np.unique(np.linspace(0, found.hours.size - 1, 4).round().astype(int))[1:]
+    for number, at in enumerate(chosen):
+        ax.plot(np.degrees(found.roll_angle), depth[at], label=f"{found.hours[at]:.4g} h", **style.line_style(number))
+    x = "roll angle from root over tip to root, deg"
+    return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y="worn off, um", legend="beside")
