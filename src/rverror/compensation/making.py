@@ -181,8 +181,10 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
     of_runs = _with_the_others([repeating_orders(record) for record in data.records])
     _check_left_out(data)
-    rows = [OrderCase(condition=one.record.condition, orders=one.orders, waves=one.waves) for one in merged(of_runs)]
-    rows += [case for _, case in data.tables]
+    of_records = [
+        OrderCase(condition=one.record.condition, orders=one.orders, waves=one.waves) for one in merged(of_runs)
+    ]
+    rows = of_records + [case for _, case in data.tables]
     cases, sides = list[OrderCase](), list[_Side]()
     for sense in (1.0, -1.0):
         own = [row for row in rows if row.condition.direction == sense]
@@ -202,7 +204,9 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
     model = predicted.model
     correction = Correction(model.mechanism.ratio, OrderTable(cases=tuple(cases)), _reach(data))
-    before, after = _held(of_runs, data, {c: rest for side in sides for c, rest in side.after.items()})
+    left = {row: rest for side in sides for row, rest in side.after.items()}
+    of_conditions = {row.condition: left.get(row, 0.0) for row in of_records}
+    before, after = _held(of_runs, data, of_conditions, [left.get(case, 0.0) for _, case in data.tables])
     measured_cases = [case for case in cases if case.condition in data.conditions]
     listed = _listed(model, measured_cases, of_runs, sides)
     stays = _stays(data, {one.order for one in listed}, after)
@@ -248,7 +252,7 @@ class _Side:
     waves: Callable[[TableCondition], tuple[Array, Waves]]
     words: dict[float, str]  #: law of each order
     left: Mapping[float, list[float]] = field(default_factory=dict)  #: of each order in the conditions left out, rad
-    after: Mapping[TableCondition, float] = field(default_factory=dict)  #: mean squares that they leave, rad^2
+    after: Mapping[OrderCase, float] = field(default_factory=dict)  #: mean squares that they leave, rad^2
 
 
 def _side(own: Sequence[OrderCase]) -> _Side:
@@ -257,13 +261,13 @@ def _side(own: Sequence[OrderCase]) -> _Side:
         measured = Correction(1.0, OrderTable(cases=tuple(own)))
         return _Side(measured.waves, dict.fromkeys(measured.orders.tolist(), "measured"))
     orders = np.unique(np.concatenate([case.orders for case in own])).tolist()
-    laws, after = dict[float, ConditionLaw](), defaultdict[TableCondition, float](float)
+    laws, after = dict[float, ConditionLaw](), defaultdict[OrderCase, float](float)
     for k in orders:
         having = [case for case in own if k in case.orders]
         waves = np.array([case.waves[case.orders == k][0] for case in having])
         law = law_of(waves, [case.condition for case in having], CHANCE / len(orders))
         for case, rest in zip(having, np.abs(law.left).tolist(), strict=True):
-            after[case.condition] += rest**2 / 2
+            after[case] += rest**2 / 2
         if law.terms:
             laws[k] = law
     return _Side(
@@ -305,13 +309,12 @@ def _reach(data: _Data) -> tuple[float, float] | None:
 
 
 def _held(
-    found: Sequence[RepeatingOrders], data: _Data, after: Mapping[TableCondition, float]
+    found: Sequence[RepeatingOrders], data: _Data, of_records: Mapping[TableCondition, float], of_tables: list[float]
 ) -> tuple[HeldError, HeldError]:
     """Error of what was left out: stretches, with what a law over the conditions leaves of their waves; conditions."""
-    before_squares = [one.before for one in found] + [np.array([_power(case) / 2]) for case, _ in data.tables]
-    after_squares = [one.after + after.get(one.record.condition, 0.0) for one in found]
-    after_squares += [np.array([after[case.condition]]) for case, _ in data.tables]
-    return _interval(np.concatenate(before_squares)), _interval(np.concatenate(after_squares))
+    before = [one.before for one in found] + [np.array([_power(case) / 2 for case, _ in data.tables])]
+    after = [one.after + of_records[one.record.condition] for one in found] + [np.array(of_tables)]
+    return _interval(np.concatenate(before)), _interval(np.concatenate(after))
 
 
 def _interval(squares: Array) -> HeldError:
