@@ -41,7 +41,7 @@ ASKED: dict[str, Callable[[Any], object]] = {
         PLAIN, THETA, torque=torque, disc_width=9.0, gear_width=8.0
     ),
     "modes": lambda torque: rverror.dynamics.modes(PLAIN, torque=torque),
-    "running up": lambda torque: rverror.dynamics.run_up(PLAIN, [0, 0.01], ["60 rpm"] * 2, torque=[torque] * 2, kept=1),
+    "running up": lambda torque: rverror.dynamics.run_up(PLAIN, [0, 0.01], ["60 rpm"] * 2, torque=torque, kept=1),
     "simulation": lambda torque: rverror.simulate(PLAIN, points=64, torque=torque),
 }
 

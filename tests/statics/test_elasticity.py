@@ -204,7 +204,7 @@ def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
                 one, expected = getattr(found, name), getattr(alone, name)
                 np.testing.assert_allclose(one, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
             assert second.elastic(unit).predict(some).softening.shape == (10, 300)
-            assert first.whole is second.whole
+            assert first.contacts is second.contacts
             assert np.abs(found.transmission_error - first.predict(some).transmission_error).min() > 1e-6
 
 
