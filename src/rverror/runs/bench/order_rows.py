@@ -24,6 +24,7 @@ from rverror.runs.reading import (
     ORDER_CONDITIONS,
     OrderRows,
     Stated,
+    bare_name,
     check_lengths,
     listed,
     refuse,
@@ -135,13 +136,12 @@ def check_order_columns(path: str, where: str, given: Collection[str], *, others
     InputError
     """
 
+    unknown = [name for name in others if bare_name(name) not in given]
+
     def meant(*missing: str) -> str:
         """Another column that may be meant."""
-        bare = {name.partition("[")[0].strip().lower(): name for name in others}
-        for name in missing:
-            if match := next((bare[word] for word in bare if word not in given and did_you_mean(word, [name])), None):
-                return f" did you mean {name!r} by {shown(match)}?"
-        return ""
+        hints = ((name, did_you_mean(bare_name(name), missing)) for name in unknown)
+        return next((f"{hint.rstrip('?')} by {shown(name)}?" for name, hint in hints if hint), "")
 
     if "order" not in given:
         refuse(path, f"{where}: there is no order;{meant('order')} give the waves per output turn as a column 'order'")

@@ -419,18 +419,9 @@ def _decimal(
     path: str, rows: Sequence[int], table: list[list[str]], used: Sequence[int], rules: TextRules, separator: str
 ) -> tuple[str, list[str]]:
     """Decimal sign, and a note where that was found and not stated."""
-    where = [(row, place) for row, cells in enumerate(table) for place in used if place < len(cells)]
     if rules.decimal:
-        other = "," if rules.decimal == "." else "."
-        for row, place in where:
-            cell = table[row][place]
-            if other in cell and number_in(cell, other) is not None:
-                refuse(
-                    path,
-                    f"line {rows[row] + 1}, column {place + 1}: {shown(cell)} holds {other!r}, but the mapping says "
-                    f"decimal = {rules.decimal!r}; correct decimal in [file]",
-                )
         return rules.decimal, []
+    where = [(row, place) for row, cells in enumerate(table) for place in used if place < len(cells)]
     found = found_decimal((table[row][place] for row, place in where), point_is_decimal=separator == ",")
     if isinstance(found, Undecided):
         row, place = where[found.place]
