@@ -182,6 +182,4 @@ def test_tied_tolerances_from_a_table_by_the_command_line(
         main(call) == 2
     )  # four cams, each 0.9 with two values: 1 - 0.9 sqrt(8) is below 0, and 1 / 2.55 of it would do
     said = capsys.readouterr().err
-    assert re.fullmatch(
-        r"rverror: error: .*'a', 'b', 'c' contradict one another.*; give smaller ones\n", said
-    )
+    assert re.fullmatch(r"rverror: error: .*'a', 'b', 'c' contradict one another.*; give smaller ones\n", said)
