@@ -159,7 +159,7 @@ def test_every_step_of_an_allocation_is_told() -> None:
     said: list[str] = []
     few = {"verify": 1024, "progress": said.append}
     rverror.allocate(rverror.Model(rverror.reducer("RV-40E")), cams, limit="60 arcsec", **few)
-    assert "verification 1: 1024 units at the load: 100 %" in said
+    assert "verification 1: 1024 units in closed form: 100 %" in said
 
 
 def test_tied_tolerances_from_a_table_by_the_command_line(

@@ -186,7 +186,8 @@ def verified(
     Verified
     """
     drawn = standard_draws(units.stack, count, seed=seed, stream=stream)
-    found = units.solved(drawn, widths, decide=decide, progress=counted(progress, "units at the load", count))
+    what = "units in closed form" if isinstance(units, ClosedFormUnits) else "units at the load"
+    found = units.solved(drawn, widths, decide=decide, progress=counted(progress, what, count))
     known = np.isfinite(found.turns)
     rows = []
     for number, one in enumerate(units.limits):

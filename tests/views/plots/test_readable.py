@@ -178,7 +178,7 @@ def envelope_of(offset: float) -> Any:
     """Budget of one wave of 5 arcsec and a shift of the whole, drawn."""
     wave = 5 * ARCSEC * np.abs(np.cos(np.linspace(0, 2 * np.pi, 90)))
     edge = wave + offset * ARCSEC
-    worst = WorstCase(-edge, edge, (0.0, 0.0), 0.0, 0.0, (0, 0), np.zeros(0), 0.0, 0, np.zeros(0))
+    worst = WorstCase(-edge, edge, (0.0, 0.0), 0.0, 0.0, (0, 0), np.zeros(0), 0.0)
     zero, third = np.zeros(90), wave / 3
     numbers = dict.fromkeys(("offset_mean", "offset_deviation", "nominal_peak_to_peak", "nominal_mean_square"), 0.0)
     found = Budget(None, zero, third + offset * ARCSEC / 3, third, **numbers, mean_square=0.0, rss=0.0, worst=worst,
