@@ -127,7 +127,7 @@ def put(errors: Errors, unit: Any, case: int, term: tuple[str, dict[str, Any], s
             errors.pin_centre[case] += size * along * {"cos": np.cos, "sin": np.sin}[wave](h * gamma)
         case "cycloid.pin_circle_tilt":  # about the middle of the discs, which stand evenly along the axis
             middle = (unit.discs - 1) / 2
-            errors.pins_at_disc[case] += vector * (middle - np.arange(unit.discs)) / middle
+            errors.pins_at_disc[case] += vector * (middle - np.arange(unit.discs)) / max(middle, 0.5)
         case "cycloid.pin_radius":
             errors.pin_radius[case, slice(None) if pin == "all" else pin] += size
         case "cycloid.profile_modification" if name == "equidistant":
