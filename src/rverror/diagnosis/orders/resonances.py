@@ -246,8 +246,9 @@ def _next(every: Sequence[ResonantSeries], policy: Policy) -> Resonance | None:
         shown = [own for at, own in zip(of, every, strict=True) if seen[at]]
         about = _likelier(shown, natural[near], damping[near], policy)
         if about is not None:
-            shown += [own for own in every if own not in shown and _follows(own, *about, policy)]
-            return one_mode(shown, about[0], policy)
+            joined = [*shown, *(own for own in every if own not in shown and _follows(own, *about, policy))]
+            at_one_frequency = _likelier(joined, natural[near], damping[near], policy) is not None
+            return one_mode(joined if at_one_frequency else shown, about[0], policy)
         chances[:, np.abs(np.log(natural / natural[best])) < math.log(_REACH) / 2] = 0.0
     return None
 
