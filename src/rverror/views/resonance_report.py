@@ -1,20 +1,17 @@
-"""Natural frequencies that orders show over the speed, for people and for programs."""
+"""Natural frequencies that orders show over the speed: their variables, their entries in JSON, their laws."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rverror.base.numbers import brief, rounded
-from rverror.diagnosis.orders.resonances import ForetoldPeak, Resonance, ResonantSeries
-from rverror.views.blocks import Sheet, grid, line
+from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
+from rverror.views.fields import alike, entry, rows
+from rverror.views.variables import HERTZ, NUMBER, SPEED, Variable
 
-_RPM = 30 / math.pi
 _CURVE = 301  # points of a law
-_HEADS = ("order", "alone, Hz", "largest at, rpm", "between", "predicted by the others")
 
 
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
@@ -24,47 +21,46 @@ def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
     ----------
     found : sequence of Resonance
     """
-    return [
-        {
-            "frequency_hz": rounded(one.frequency),
-            "low": rounded(one.low),
-            "high": rounded(one.high),
-            "damping_ratio": rounded(one.damping_ratio),
-        }
-        for one in found
-    ]
+    sizes = alike(NUMBER, "low", "high", "damping_ratio")
+    return [entry(one, frequency_hz=("frequency", NUMBER), **sizes) for one in found]
 
 
-def resonance_sheet(found: Sequence[Resonance]) -> Sheet:
-    """Natural frequencies as a report: a sentence and a table of each.
+def resonances(found: Sequence[Resonance]) -> dict[str, Variable]:
+    """Natural frequencies with their orders, and for each order where it is largest, alone and predicted."""
+    peaks = [peak for one in found for peak in one.peaks]
+    return {
+        **rows(
+            "resonance",
+            found,
+            "resonance_",
+            frequency=HERTZ,
+            frequency_low=("low", HERTZ),
+            frequency_high=("high", HERTZ),
+            damping_ratio=NUMBER,
+            damping_ratio_low=("damping_low", NUMBER),
+            damping_ratio_high=("damping_high", NUMBER),
+            orders=None,
+        ),
+        **rows(
+            "peak",
+            peaks,
+            "peak_",
+            order=NUMBER,
+            alone=HERTZ,
+            largest_at=("highest", SPEED),
+            largest_at_low=("below", SPEED),
+            largest_at_high=("above", SPEED),
+            predicted_by_the_others=("speed", SPEED),
+            predicted_by_the_others_low=("low", SPEED),
+            predicted_by_the_others_high=("high", SPEED),
+        ),
+    }
 
-    Parameters
-    ----------
-    found : sequence of Resonance
-    """
-    return tuple(block for one in found for block in (*line(f"{_sentence(one)}."), *grid(_HEADS, map(_row, one.peaks))))
 
-
-def _sentence(one: Resonance) -> str:
-    told = (
-        f"{brief(one.frequency)} Hz, {100 * one.confidence:g} % {_ends(one.low, one.high)}; damping ratio "
-        f"{brief(one.damping_ratio, 2)} {_ends(one.damping_low, one.damping_high, 2)}"
-    )
-    orders = [f"{order:g}" for order in one.orders]
-    if len(orders) == 1:
-        return f"{told}; order {orders[0]} alone: what happens at that speed would look the same"
-    return f"{told}; orders {', '.join(orders)}"
-
-
-def _ends(low: float, high: float, digits: int = 4) -> str:
-    return f"[{', '.join(brief(end, digits) if math.isfinite(end) else '?' for end in (low, high))}]"
-
-
-def _row(peak: ForetoldPeak) -> tuple[str, ...]:
-    highest, below, above, speed = (brief(v * _RPM) for v in (peak.highest, peak.below, peak.above, peak.speed))
-    told = f"{speed} {_ends(peak.low * _RPM, peak.high * _RPM)}" if math.isfinite(peak.speed) else "-"
-    told += ", at a gap of the speeds" if peak.gap else ""
-    return f"{peak.order:g}", brief(peak.alone), highest, f"{below} to {above}", told
+def alone(found: Sequence[Resonance]) -> str:
+    """What is to be doubted of a frequency that one order alone shows."""
+    orders = ", ".join(f"{one.orders[0]:g}" for one in found if len(one.orders) == 1)
+    return f"Order {orders} alone shows it: what happens at that speed would look the same." if orders else ""
 
 
 def law_of(series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:

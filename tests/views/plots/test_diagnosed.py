@@ -92,14 +92,15 @@ def test_a_torque_ripple_is_drawn_in_newton_metres(ripple: Diagnosis, found: Dia
     assert of_torque == pytest.approx(of_error / 1e3)
 
 
-def test_candidates_are_ranked_as_the_report_ranks_them(found: Diagnosis) -> None:
-    data = to_json(found)["candidates"]
+def test_candidates_are_ranked_by_what_they_lack_of_the_best(found: Diagnosis) -> None:
+    data = found.candidates
     ax = found.plot(kind="candidates")
     assert len(ticks(ax)) == min(len(data), 10)
     assert found.added[0].effect.key in ax.get_title()
     for at, (row, label, point) in enumerate(zip(data, ticks(ax), ax.lines, strict=False)):
-        assert label.startswith(row["key"])
-        assert point.get_xdata()[0] == pytest.approx(row["behind_best"], rel=1e-4, abs=1e-6)
+        assert label.startswith(row.key)
+        behind = data[0].heldout_gain - row.heldout_gain
+        assert point.get_xdata()[0] == pytest.approx(behind, rel=1e-4, abs=1e-6)
         assert point.get_ydata()[0] == at
 
 
