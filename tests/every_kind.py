@@ -38,7 +38,7 @@ KINDS = (
     "Reducer", "Drive", "Effect", "Effects", "Model", "Run", "OrderTable", "Influence", "Equilibrium", "TorsionCurve",
     "Hysteresis", "Efficiency", "Efficiencies", "DutyEfficiency", "ContactPressure",
     "Wear", "Modes", "SpeedResponse", "RunUp", "Tolerance",
-    "Tolerances", "Stack", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
+    "Tolerances", "Budget", "VirtualUnits", "ErrorBudget", "Allocation", "Front", "Compensation", "Lot",
     "Trend", "RunsCompared", "Matched", "DriveLot", "Diagnosis", "Diagnosis, nothing missing", "Diagnosis, torque",
 )  # fmt: skip
 
@@ -358,8 +358,8 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         "Drive": (DRIVE, {}),
         "Effect": (MODEL.effects[0], {}),
         "Effects": (MODEL.effects, {}),
-        "Model": (MODEL, {"theta": THETA}),
-        "Run": (run(), {"ratio": 121.0}),
+        "Model": (MODEL, {}),
+        "Run": (run(), {}),
         "OrderTable": (order_table(), {}),
         "Influence": (
             rverror.influence(MODEL.mechanism, THETA, "crank.eccentricity", crank=0, disc=1),
@@ -367,15 +367,15 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         ),
         "Equilibrium": (
             rverror.equilibrium(MODEL, few, torque=TORQUE, direction=1.0),
-            {"torque": TORQUE, "model": MODEL},
+            {},
         ),
         "TorsionCurve": (
             rverror.statics.torsion_curve(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"]),
-            {"theta": few[:2]},
+            {},
         ),
         "Hysteresis": (
             rverror.statics.hysteresis(MODEL, few[:2], torques=["-412 N*m", 0, "206 N*m"], friction=FRICTION),
-            {"theta": few[:2]},
+            {},
         ),
         "Efficiency": (_efficiency(few, "input", 1.0), {}),
         "Efficiencies": ([_efficiency(few, "input", 1.0), _efficiency(few, "output", -1.0)], {}),
@@ -426,7 +426,6 @@ def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
         ),
         "Tolerance": (TOLERANCES[0], {}),
         "Tolerances": (TOLERANCES, {}),
-        "Stack": (stack, {}),
         "Budget": (budget.closed, {}),
         "VirtualUnits": (budget.units, {}),
         "ErrorBudget": (budget, {}),

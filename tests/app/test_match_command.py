@@ -48,6 +48,11 @@ def test_from_tables_to_the_list(folder, capsys):
     assert "housing, 1 stay" in told
     data = json.loads((folder / "m.json").read_text())
     assert (data["result"], data["possible"], data["bound"]) == ("Matched", 3, 3)
+    assert {serial for unit in data["units"] for serial in unit["parts"].values()} >= {f"C{n}" for n in range(6)}
+    assert set(data["units"][0]["turns"].values()) == {0}
+    assert 0 < data["units"][0]["peak_to_peak_arcsec"] <= 60
+    assert len(data["left"]["housing"]) == 1
+    assert data["yield"] == 1 >= data["yield_at_random"]
     assert [one["path"] for one in data["inputs"]] == ["cranks.csv", "housings.csv", "unit.toml"]
     assert "matched" in (folder / "m.html").read_text()
     rows = list(csv.DictReader((folder / "units.csv").read_text().splitlines()))

@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -446,25 +447,29 @@ def test_speeds_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         == 0
     )
     assert (tmp_path / "o.png").read_bytes().startswith(b"\x89PNG")
-    told, speeds = json.loads(out.read_text()), np.linspace(560, 760, 21) * RPM
+    told, speeds = json.loads(out.read_text())["variables"], np.linspace(560, 760, 21) * RPM
     found = speed_response(model, speeds, torque=60e3, direction=-1.0)
-    assert told["orders"] == found.order.tolist()
-    assert [row["input_speed_rpm"] for row in told["speeds"]] == pytest.approx((speeds / RPM).tolist())
-    for row, error in zip(told["speeds"], found.transmission_error, strict=True):
-        assert row["peak_to_peak_arcsec"] == pytest.approx(np.ptp(error) / ARCSEC)
+
+    def waves_of(name: str) -> Any:
+        amplitude, phase = (np.array(told[f"{part}{name}"]["values"]) for part in ("amplitude", "phase"))
+        return amplitude * np.exp(1j * np.radians(phase))
+
+    assert told["order"]["values"] == found.order.tolist()
+    assert told["speed"]["values"] == pytest.approx((speeds / RPM).tolist())
+    assert told["peak_to_peak"]["values"] == pytest.approx((np.ptp(found.transmission_error, axis=1) / ARCSEC).tolist())
+    for waves, error in zip(waves_of(""), found.transmission_error, strict=True):
         # the waves make the error, but for what is below a hundredth of the largest
-        waves = np.array(row["amplitude_arcsec"]) * np.exp(1j * np.radians(row["phase_deg"]))
-        made = (waves[:, None] * np.exp(1j * np.outer(told["orders"], found.theta))).real.sum(axis=0)
+        made = (waves[:, None] * np.exp(1j * np.outer(found.order, found.theta))).real.sum(axis=0)
         left = error / ARCSEC - error.mean() / ARCSEC - made
         assert np.abs(left).max() < 0.05 * np.abs(made).max()
-    assert [one["key"] for one in told["by_effect"]] == ["crank.eccentricity", "load"]
-    parts = [np.array(one["amplitude_arcsec"]) * np.exp(1j * np.radians(one["phase_deg"])) for one in told["by_effect"]]
-    np.testing.assert_allclose(sum(parts), found.waves / ARCSEC, atol=1e-6 * np.abs(found.waves / ARCSEC).max())
-    top = told["critical_speeds"][0]
-    assert (top["order"], top["input_speed_rpm"]) == (40, pytest.approx(found.critical_speeds[0].speed / RPM))
+    assert told["effect"]["values"][1:] == ["load"]
+    whole = found.waves / ARCSEC
+    np.testing.assert_allclose(waves_of("_by_effect").sum(axis=0), whole, atol=1e-6 * np.abs(whole).max())
+    assert told["critical_order"]["values"][0] == 40
+    assert told["critical_speed"]["values"][0] == pytest.approx(found.critical_speeds[0].speed / RPM)
     printed = capsys.readouterr().out
-    assert printed.startswith("Error against speed: 60 N*m, reverse, 21 input speeds\n")
-    assert "critical speed, rpm" in printed
+    assert printed.startswith("Speed response: 60 N*m, reverse, 21 input speeds\n")
+    assert "Critical\n--------\nspeed, rpm  order" in printed
     assert re.search(r"closed flanks would have to pull at \d+ speeds of [\d.]+ to [\d.]+ rpm", printed)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -297,10 +298,10 @@ def test_modes_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert one["damping_ratio"] == pytest.approx(0.03)
         assert set(one["parts"]) == {"carrier", "disc 0", "disc 1", "crank 0", "crank 1", "sun", "input", "load"}
         assert one["parts"]["carrier"]["angle_rad_per_mm"] == pytest.approx(found.shape["carrier"][2, at])
-        assert one["of_sun_support"] == found.of_sun_support[at]
-    assert told["inertia"]["disc_mass_kg"] == pytest.approx(found.inertia.disc_mass * 1e3)
+    assert told["variables"]["of_sun_support"]["values"] == found.of_sun_support.tolist()
     printed = capsys.readouterr().out
-    assert printed.startswith("Modes: 20 N*m, forward, at 3 deg\n")
+    assert printed.startswith("Modes: 20 N*m, forward\n")
+    assert re.search(r"^theta +3 deg$", printed, re.M)
     assert "estimated from the geometry" in printed
     assert main(["modes", str(tmp_path / "m.toml"), "--torque", "20 kg"]) == 2
     assert "--torque" in capsys.readouterr().err

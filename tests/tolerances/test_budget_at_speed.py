@@ -189,7 +189,8 @@ def test_budget_and_allocation_at_a_speed_from_files(tmp_path: Path, capsys: pyt
     assert told["input_speed_rpm"] == pytest.approx(300)
     assert told["limits"] == []
     worst = rverror.tolerances.budget(made).worst.peak_to_peak
-    assert told["peak_to_peak_arcsec"]["worst_case"] == pytest.approx(math.degrees(worst) * 3600, rel=1e-3)
+    told = dict(zip(*(told["variables"][name]["values"] for name in ("size", "size_worst_case")), strict=True))
+    assert told["peak-to-peak"] == pytest.approx(math.degrees(worst) * 3600, rel=1e-3)
     assert "about the loaded state at 300 rpm" in capsys.readouterr().out
     limit = f"{math.degrees(worst) * 3600 / 2:.6f} arcsec"
     assert main(["allocate", *given, "--kind", "worst", "--limit", limit, "--units", "1000"]) == 0

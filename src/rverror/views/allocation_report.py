@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import zip_longest
 from typing import Any
 
 from rverror.base import units
-from rverror.base.numbers import at_input_speed, brief, count_of, rounded, with_unit
+from rverror.base.numbers import at_input_speed, brief, rounded, with_unit
 from rverror.base.units import ARCSEC
-from rverror.tolerances.allocation_result import Allocation, FrontPoint, Rate
+from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.declared import Tolerance
-from rverror.tolerances.stacking import Stack
-from rverror.views.blocks import Sentence, Sheet, grid, line, section, title
-from rverror.views.describing import content, entries_of, own_columns, sheet, shown, table
-from rverror.views.fields import OWN, Field, alike, arrays, bare, entry, listing, rows
-from rverror.views.model_report import angles, influence_units
+from rverror.views.describing import content, content_of, table
+from rverror.views.fields import OWN, Field, alike, arrays, rows
 from rverror.views.variables import ANGLE, NUMBER, Each, Table, Variable, unit_of
-from rverror.views.yield_report import together_entry, yield_entries, yield_sheet, yields
+from rverror.views.yield_report import together_entry, yield_entries, yield_words, yields
 
 # --- tolerances -------------------------------------------------------------------------------------------------------
 
 
 @table.register
 def _tolerance_table(result: Tolerance) -> Table:
-    return Table("Tolerance", "tolerance", _widths([result]))
+    return Table("Tolerance", "tolerance", _widths([result]), title=(result.label,))
 
 
 def tolerances_table(result: Sequence[Tolerance]) -> Table:
@@ -52,55 +48,19 @@ def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
     )
 
 
-@table.register
-def _stack_table(result: Stack) -> Table:
-    parts = [component.dimension for component in result.components]
-    own = Each("unit", tuple(unit_of(parts[block.components.start]) for block in result.blocks))
-    variables = {
-        **angles(result.theta, result.nominal.size),
-        **arrays("theta", result, nominal=ANGLE),
-        **rows("component", result.components, component=str),
-        **arrays("component", result, component_tolerance=("entry", NUMBER)),
-        **bare(arrays("component theta", result, influence=("influence", influence_units(parts)))),
-        **arrays("tolerance", result, tolerance=lambda one: list(one.labels), width=("width", own)),
-        **rows("tolerance", result.blocks, distribution="distribution.name", correlation=NUMBER, classes=NUMBER),
-    }
-    return Table("Stack", "tolerance", variables)
-
-
-@sheet.register
-def _stack_sheet(thing: Stack) -> Sheet:
-    headed = title("Stack", count_of(len(thing.labels), "tolerance"), count_of(len(thing.components), "component"))
-    return headed + own_columns(thing, "tolerance", "width", "unit", "distribution", "correlation")
-
-
-@sheet.register
-def _tolerance_sheet(thing: Tolerance) -> Sheet:
-    names = ("width", "unit", "distribution", "correlation", "random_phase", "fixed")
-    return title("Tolerance", thing.label) + own_columns(thing, *names)
-
-
 # --- allocations ------------------------------------------------------------------------------------------------------
 
 
 @table.register
 def _allocation_table(result: Allocation) -> Table:
     own = Each("unit", tuple(map(unit_of, result.dimensions)))
-    rates: dict[str, Field] = {_SAVED: ("relax", NUMBER), _COST: ("tighten", NUMBER)}
+    loaded = result.verified
+    rates: dict[str, Field] = {
+        "saved_per_percent_of_limits_given_up": ("relax", NUMBER),
+        "cost_per_percent_of_limits_gained": ("tighten", NUMBER),
+    }
     stages = ("before", result.used_before, result.cost_before), ("after", result.used, result.cost)
     variables = {
-        **arrays(
-            "tolerance",
-            result,
-            tolerance=lambda one: list(one.labels),
-            width_before=("widths_before", own),
-            width=("widths", own),
-            grade=lambda one: [grade or "" for grade in one.grades],
-            fixed=lambda one: list(one.fixed),
-            cost_before=("costs_before", NUMBER),
-            cost=("costs", NUMBER),
-        ),
-        **rows("tolerance", result.rates, **rates),
         **rows(
             "stage",
             stages,
@@ -108,106 +68,74 @@ def _allocation_table(result: Allocation) -> Table:
             used=("1", NUMBER),
             total_cost=("2", NUMBER),
         ),
-        **arrays("", result, limit=ANGLE, shadow_price=NUMBER),
+        **arrays(
+            "tolerance",
+            result,
+            tolerance=lambda one: list(one.labels),
+            width_before=("widths_before", own),
+            width=("widths", own),
+            cost_before=("costs_before", NUMBER),
+            cost=("costs", NUMBER),
+            held_by=lambda one: list(one.held_by),
+            grade=lambda one: [grade or "" for grade in one.grades],
+            fixed=lambda one: list(one.fixed),
+        ),
+        **rows("tolerance", result.rates, **rates),
+        **arrays("", result, limit=ANGLE, shadow_price=NUMBER, cost_scaled_alike=("uniform_cost", NUMBER)),
         **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
-        **({} if result.verified is None else yields(result.verified)),
+        **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
-    about = {"limited": result.kind, "level": result.level}
-    return Table("Allocation", "tolerance", variables, about)
+    binds = "The limit holds some widths." if "limit" in result.held_by else "Bounds and grades alone hold the widths."
+    strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
+    shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
+    return Table(
+        "Allocation",
+        "tolerance",
+        variables,
+        {"limited": result.kind, "level": result.level},
+        title=(f"least cost {_within(result)}",),
+        verdict=(f"{strong}. {binds}", strong),
+        sentences=_sentences(result),
+        shown={"tolerance": shown},
+    )
 
 
-#: Names of what a width saves and what it costs.
-_SAVED, _COST = "saved_per_percent_of_limits_given_up", "cost_per_percent_of_limits_gained"
+def _sentences(found: Allocation) -> tuple[str, ...]:
+    """What is limited, what the rates are, how good the widths are."""
+    check, loaded = found.closed_form, found.verified
+    limits = "all limits" if found.kind == "load" else "the limit"
+    told = [f"Used: share of {limits} that {_limited_by(found)} uses."]
+    if found.shadow_price is not None:
+        told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+    if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
+        told.append("Where infinitely much is saved, the width does not matter.")
+    told += yield_words(loaded) if loaded else ()
+    told.append(
+        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
+        f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
+    )
+    return tuple(told)
 
 
 @content.register
 def _allocation_content(found: Allocation) -> dict[str, Any]:
-    names = ("width_before", "width", "unit", "fixed", "cost_before", "cost", _SAVED, _COST)
-    given = zip(found.labels, found.keys, found.grades, entries_of(found, {name: name for name in names}), strict=True)
-    entries = [{"label": label, "key": key, **told, "grade": grade} for label, key, grade, told in given]
-    for told, held in zip(entries, found.held_by, strict=False):
-        told["held_by"] = held
-    speed = None if found.speed is None else rounded(units.to_display(found.speed, "angular_speed"))
+    speed, loaded = found.speed, found.verified
     return {
+        **content_of(table(found)),
         "model": found.model or None,
-        **entry(found, kind=None, level=None, cost_before=NUMBER, cost=NUMBER, limit_arcsec=("limit", ANGLE)),
-        "input_speed_rpm": speed,
-        "used_before_percent": rounded(100 * found.used_before),
-        "used_percent": rounded(100 * found.used),
-        "verified": [] if found.verified is None else yield_entries(found.verified),
-        **({} if found.verified is None else together_entry(found.verified)),
-        "cost_scaled_alike": rounded(found.uniform_cost),
-        "shadow_price_per_percent_of_limits": rounded(found.shadow_price),
-        "entries": entries,
-        "closed_form": {
-            "method": "closed form, contacts closed",
-            **entry(
-                found.closed_form,
-                quantile_arcsec=("value", ANGLE),
-                low_arcsec=("low", ANGLE),
-                high_arcsec=("high", ANGLE),
-            ),
-        },
-        "tighten_first": [rate.label for rate in found.tighten_first],
-        "relax_first": [rate.label for rate in found.relax_first],
+        "cost_before": rounded(found.cost_before),
+        "cost": rounded(found.cost),
+        "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
+        "verified": yield_entries(loaded) if loaded else [],
+        **(together_entry(loaded) if loaded else {}),
     }
-
-
-@sheet.register
-def _allocation_sheet(thing: Allocation) -> Sheet:
-    closed, limit = thing.closed_form, "of all limits" if thing.kind == "load" else "of the limit"
-    stages, _ = shown(thing, "stage")
-    compared = [("cost", *stages["total_cost"]), (f"{_limited_by(thing)}, share {limit}", *stages["used"])]
-    price = "" if thing.shadow_price is None else f"1 % more {limit} would save {brief(thing.shadow_price)}."
-    binds = "The limit holds some widths." if "limit" in thing.held_by else "Bounds and grades alone hold the widths."
-    strong = f"Cost {brief(thing.cost_before)} → {brief(thing.cost)}"
-    alike = thing.uniform_cost
-    each = zip(
-        thing.labels,
-        thing.dimensions,
-        thing.widths_before,
-        thing.widths,
-        thing.costs_before,
-        thing.costs,
-        thing.grades,
-        strict=True,
-    )
-    widths: dict[str, Field] = {
-        "tolerance": "0.0",
-        "width before": ("0.2", OWN),
-        "allocated": ("0.3", OWN),
-        "unit": lambda row: units.DISPLAY_UNITS[row[0][1]],
-        "times": lambda row: float(row[0][3] / row[0][2]),
-        "cost before": "0.4",
-        "cost": "0.5",
-        "held by": lambda row: ": ".join(filter(None, (row[1], row[0][6]))),
-    }
-    return (
-        *title("Allocation", f"least cost {_within(thing)}"),
-        Sentence(f"{strong}. {binds}", strong=strong),
-        *grid(("", "before", "allocated"), compared),
-        *line("" if alike is None else f"For comparison: {brief(alike)}, all widths scaled alike to the same yield."),
-        *section("At the load, contacts that open included", *(yield_sheet(thing.verified) if thing.verified else ())),
-        *section(
-            "Widths and costs",
-            *listing(zip_longest(each, thing.held_by, fillvalue=""), widths, own="0.1"),
-            *line(price),
-            *_rates(f"to tighten first (cost of 1 % {limit} gained)", "cost", thing.tighten_first, "tighten"),
-            *_rates(f"to relax first (cost saved by 1 % {limit} given up)", "saved", thing.relax_first, "relax"),
-        ),
-        *line(
-            f"Closed form, contacts closed: P{100 * thing.level:g} of the peak-to-peak "
-            f"{with_unit(closed.value, 'angle')} ({brief(closed.low / ARCSEC)} to {brief(closed.high / ARCSEC)})."
-        ),
-    )
 
 
 def _limited_by(found: Allocation) -> str:
     """What an allocation limits, in words."""
     quantile = f"P{100 * found.level:g} of the peak-to-peak"
-    return {"worst": "worst-case peak-to-peak", "yield": quantile, "load": f"P{100 * found.level:g} of units"}[
-        found.kind
-    ]
+    unit = f"the unit at P{100 * found.level:g}"
+    return {"worst": "the worst-case peak-to-peak", "yield": quantile, "load": unit}[found.kind]
 
 
 def _within(found: Allocation) -> str:
@@ -215,14 +143,6 @@ def _within(found: Allocation) -> str:
     if found.limit is None:
         return f"at which {100 * found.level:g} % of the units meet all limits at the load"
     return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
-
-
-def _rates(head: str, of: str, rates: Sequence[Rate], which: str) -> Sheet:
-    def told(rate: Rate) -> Any:
-        value = getattr(rate, which)
-        return "the width does not matter" if math.isinf(value) else value
-
-    return listing(rates, {head: "label", of: told})
 
 
 def front_table(result: Sequence[FrontPoint]) -> Table:

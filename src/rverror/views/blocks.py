@@ -13,7 +13,7 @@ from typing import Any
 
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import joined
-from rverror.views.html import escaped, escaped_lines, scrolled
+from rverror.views.html import escaped, scrolled
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -75,20 +75,13 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Verbatim:
-    """Lines to be copied as they stand, such as those of a model file."""
-
-    text: str
-
-
-@dataclass(frozen=True)
 class Notes:
     """What was noticed; folded away where that can be."""
 
     notes: tuple[str, ...]
 
 
-Block = Title | Heading | Sentence | Listing | Facts | Verbatim | Notes
+Block = Title | Heading | Sentence | Listing | Facts | Notes
 Sheet = tuple[Block, ...]
 
 
@@ -131,12 +124,29 @@ def columns_of(columns: Mapping[str, Iterable[Any]]) -> Sheet:
 
 def facts(given: Mapping[str, str]) -> Sheet:
     """Facts; those without text are left out."""
-    return (Facts(tuple((name, text) for name, text in given.items() if text)),)
+    known = tuple((name, text) for name, text in given.items() if text)
+    return (Facts(known),) if known else ()
 
 
 def notes(given: Sequence[str]) -> Sheet:
     """Notes, nothing where there are none."""
     return (Notes(tuple(given)),) if given else ()
+
+
+def in_words(value: Any) -> Any:
+    """Indices of a place, several texts or several numbers as one text; other values as they are.
+
+    Examples
+    --------
+    >>> in_words({"crank": 0, "disc": 1}), in_words((1.0, 80.5)), in_words(("a", "b"))
+    ('crank 0, disc 1', '1, 80.5', 'a; b')
+    """
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {at}" for name, at in value.items())
+    if isinstance(value, tuple) and not isinstance(value, Ends):
+        numbers = all(isinstance(one, float) for one in value)
+        return ", ".join(f"{one:g}" for one in value) if numbers else "; ".join(map(str, value))
+    return value
 
 
 def _cell(value: Any) -> str:
@@ -145,7 +155,7 @@ def _cell(value: Any) -> str:
         return " to ".join(map(_number, known)) if len(known) == 2 else "not determined"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return _number(value) if value is None or isinstance(value, (int, float)) else str(value)
+    return _number(value) if value is None or isinstance(value, (int, float)) else str(in_words(value))
 
 
 def _number(value: float | None) -> str:
@@ -202,8 +212,6 @@ def _html_of(block: Block) -> str:
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
             )
             return "<table><tbody>" + "\n".join(rows_of) + "</tbody></table>"
-        case Verbatim():
-            return f"<pre>{escaped_lines(block.text)}</pre>"
         case Notes():
             listed = "".join(map(_soft, block.notes))
             heading = count_of(len(block.notes), "note")
@@ -218,7 +226,7 @@ def as_text(blocks: Sheet) -> str:
     """Report as text that ends with a line end, its tables lined up."""
     lines: list[str] = []
     for before, block in itertools.pairwise((None, *blocks)):
-        apart = isinstance(block, Heading | Listing | Facts | Verbatim | Notes) or isinstance(before, Listing | Facts)
+        apart = isinstance(block, Heading | Listing | Facts | Notes) or isinstance(before, Listing | Facts)
         if apart and not isinstance(before, Heading | None):
             lines.append("")
         lines += _text_of(block) if block else ()
@@ -248,8 +256,6 @@ def _text_of(block: Block) -> Iterator[str]:
         case Facts():
             width = min(_WIDEST, max((len(name) for name, _ in block.facts), default=0))
             yield from (f"{name:{width}}  {text}" for name, text in block.facts)
-        case Verbatim():
-            yield from (f"  {one}" for one in block.text.splitlines())
         case Notes():
             yield "Notes"
             yield from (f"  {note}" for note in block.notes)

@@ -1,22 +1,26 @@
-"""What every kind of result says of itself, once: its table of variables, its report, its JSON where keys are fixed.
+"""What every kind of result says of itself, once: its table of variables, of which report and JSON are made.
 
-Each kind registers these where it is described; `kinds` knows all of them.
+Each kind registers its table where it is described; `kinds` knows all of them.  A kind whose report or JSON holds more
+registers these as well.
 """
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Mapping
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.base.numbers import rounded
-from rverror.views.blocks import Sheet, columns_of
-from rverror.views.variables import NUMBER, Table, columns
+from rverror.base.numbers import brief
+from rverror.views.blocks import Ends, Sentence, Sheet, columns_of, facts, notes, section, title
+from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
+
+_COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
+_SOME = 20
 
 
 @singledispatch
@@ -27,30 +31,28 @@ def table(result: Any) -> Table:
 
 
 @singledispatch
-def sheet(thing: Any, **options: Any) -> Sheet:
-    """Report of one kind of result; an `ErrorBudget` takes the `limit` at which its yield is told.
-
-    Raises
-    ------
-    InputError
-        If there is none of such a thing.
-    """
-    raise InputError(f"a {type(thing).__name__} has no sheet")
+def sheet(result: Any, /) -> Sheet:
+    """Report of a result: of its table, unless its kind says more."""
+    return sheet_of(table(result))
 
 
 @singledispatch
-def content(result: Any, /, **options: Any) -> dict[str, Any]:
+def content(result: Any, /) -> dict[str, Any]:
     """Plain data of a result for JSON: of its table, unless its kind has keys of its own."""
-    made = described(result, **options)
+    return content_of(table(result))
+
+
+def content_of(told: Table) -> dict[str, Any]:
+    """Plain data of a table: each variable with its dimensions, unit and values."""
     variables = {
         name: {
             "dimensions": list(variable.dims),
             "units": variable.units_shown(),
             "values": _plain(variable.shown(display=True).tolist()),
         }
-        for name, variable in made.variables.items()
+        for name, variable in told.variables.items()
     }
-    return {**_plain(dict(made.about)), "variables": variables, "result": made.kind}
+    return {**_plain(dict(told.about)), "variables": variables, "result": told.kind}
 
 
 def _plain(value: Any) -> Any:
@@ -62,100 +64,91 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def has_sheet(thing: Any) -> bool:
-    """Whether `sheet` knows the kind of a thing."""
-    return sheet.dispatch(type(thing)) is not sheet.dispatch(object)
+# --- a report of a table ----------------------------------------------------------------------------------------------
 
 
-def with_options(told: Any, result: Any, options: Mapping[str, Any]) -> Any:
-    """What `table` or `sheet` tells of a result, if its kind takes the options.
+def sheet_of(told: Table) -> Sheet:
+    """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
+    single = {
+        _words(
+            name
+        ): f"{brief(variable.shown(display=True).item())} {unit_for_people(variable.unit_text(display=True))}"
+        for name, variable in told.variables.items()
+        if not variable.dims
+    }
+    others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
+    return (
+        *title(kind_in_words(told), *told.title),
+        *((Sentence(*told.verdict),) if told.verdict[0] else ()),
+        *facts({**single, **told.facts}),
+        *listed(told, told.rows),
+        *map(Sentence, told.sentences),
+        *(block for dim in others for block in section(_words(dim).capitalize(), *listed(told, dim))),
+        *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
+    )
 
-    Raises
-    ------
-    InputError
-        If it does not.
+
+def kind_in_words(told: Table) -> str:
+    """Kind of a result as people read it.
+
+    Examples
+    --------
+    >>> kind_in_words(Table("OrderTable", "wave", {}))
+    'Order table'
     """
-    taken = list(inspect.signature(told.dispatch(type(result))).parameters)[1:]
-    for name in options:
-        if name not in taken:
-            takes = f"it takes {', '.join(taken)}" if taken else "it takes none"
-            raise InputError(f"{type(result).__name__}: no option {name!r}; {takes}")
-    return told(result, **options)
+    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", told.kind).capitalize()
 
 
-def described(result: Any, /, **options: Any) -> Table:
-    """Description of a result, from which every kind of table is made.
-
-    Parameters
-    ----------
-    result, **options
-        As for `to_xarray`.
-
-    Returns
-    -------
-    Table
-
-    Raises
-    ------
-    InputError
-        If no table is made of such a result, or an option is not one of its.
-    """
-    found: Table = with_options(table, result, options)
-    return found
+def listed(told: Table, dim: str) -> Sheet:
+    """Columns of the rows along a dimension under their names and units, the ends of an interval as one."""
+    if dim not in told.dims:
+        return ()
+    arrays, units = columns_along(told, rows=dim, display=True)
+    if set(arrays) <= {dim}:
+        return ()
+    for own in set(arrays) - set(units):  # units of the rows
+        arrays[own] = list(map(unit_for_people, arrays[own]))
+    columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
+    chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
+    count = len(columns[chosen[0]]) if chosen else 0
+    places = list(range(count))
+    if dim in _COURSES and count > _SOME:
+        places = sorted({round(at * (count - 1) / (_SOME - 1)) for at in range(_SOME)})
+    heads = {name: ", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen}
+    return columns_of({heads[name]: [columns[name][at] for at in places] for name in chosen})
 
 
-# --- columns of a table in a report -----------------------------------------------------------------------------------
+def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
+    """Columns in which the ends of an interval are one, behind what it is of; values keep the digits that it leaves."""
+    joined: dict[str, list[Any]] = {}
+    for name, values in columns.items():
+        lows, highs = (columns.get(f"{name}_{end}") for end in ("low", "high"))
+        if name in ("low", "value") and "low" in columns:
+            lows, highs = columns["low"], columns["high"]
+        if lows is None or highs is None:
+            if name.split("_")[-1] not in ("low", "high"):
+                joined[name] = values
+            continue
+        each = [_rounded(*row) for row in zip(values, lows, highs, strict=True)]
+        if name != "low":
+            joined[name] = [value for value, _ in each]
+        if any(map(_is_known, values)) and (name != "low" or "value" not in columns):
+            joined["interval" if name in ("low", "value") else f"{name}_interval"] = [ends for _, ends in each]
+    return joined
 
 
-def shown(thing: Any, rows: str = "") -> tuple[dict[str, list[Any]], dict[str, str]]:
-    """Columns of a result's table as people read them, and the unit of each; numbers have none."""
-    found, told = columns(described(thing), rows=rows, display=True)
-    listed = {name: np.asarray(values).tolist() for name, values in found.items()}
-    if "unit" in listed:
-        listed["unit"] = [_named(unit) for unit in listed["unit"]]
-    return listed, {name: _named(unit) for name, unit in told.items()}
+def _rounded(value: float, low: float, high: float) -> tuple[float, Ends]:
+    """Value and interval to two digits of the interval's width."""
+    width = high - low
+    if not (math.isfinite(width) and width > 0):
+        return value, Ends((low, high))
+    digits = 1 - math.floor(math.log10(width))
+    return (round(value, digits) if math.isfinite(value) else value), Ends((round(low, digits), round(high, digits)))
 
 
-def _named(unit: str) -> str:
-    return {NUMBER.core: "", "percent": "%"}.get(unit, unit)
+def _is_known(value: Any) -> bool:
+    return value not in (None, "") and not (isinstance(value, float) and math.isnan(value))
 
 
-def own_columns(
-    thing: Any,
-    *names: str,
-    rows: str = "",
-    heads: Mapping[str, str] | None = None,
-    at: Sequence[int] | None = None,
-) -> Sheet:
-    """Columns of a result's table under their names and units.
-
-    Parameters
-    ----------
-    thing
-    *names : str
-        All columns where none is named.
-    rows : str
-        As for `to_pandas`.
-    heads : mapping of str to str, optional
-        Other words for some names.
-    at : sequence of int, optional
-        Rows that are shown; all where left out.
-    """
-    found, told = shown(thing, rows)
-    listed = {}
-    for name in names or found:
-        words = name.replace("peak_to_peak", "peak-to-peak").replace("_", " ")
-        head, unit = (heads or {}).get(name, words), told.get(name, "")
-        values = found[name]
-        listed[f"{head}, {unit}" if unit else head] = values if at is None else [values[i] for i in at]
-    return columns_of(listed)
-
-
-def entries_of(thing: Any, names: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Entries of JSON: rows of a result's table as people read them, columns under other names."""
-    found, _ = columns(described(thing), display=True)
-    listed = zip(*(np.asarray(found[name]).tolist() for name in names.values()), strict=True)
-    return [
-        {key: rounded(value) if isinstance(value, float) else value for key, value in zip(names, row, strict=True)}
-        for row in listed
-    ]
+def _words(name: str) -> str:
+    return name.replace("peak_to_peak", "peak-to-peak").replace("_", " ")

@@ -2,53 +2,37 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rverror.base import units
-from rverror.base.numbers import brief, count_of, in_arcsec, rounded, way
+from rverror.base.arrays import Array
+from rverror.base.numbers import brief, count_of, in_arcsec, way
 from rverror.base.text import describe
-from rverror.base.units import ARCSEC
 from rverror.diagnosis.next_run import folds
-from rverror.diagnosis.result import (
-    Addition,
-    Candidate,
-    Diagnosis,
-    Line,
-    Trace,
-    Validation,
-)
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.diagnosis.result import Addition, Diagnosis, Line
+from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
-from rverror.model import empirical
 from rverror.model.catalogue import CATALOGUE
-from rverror.model.effects import Effect
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
-from rverror.views.blocks import Ends, Sentence, Sheet, Verbatim, grid, line, notes, section, title
-from rverror.views.by_order import beside, leading_orders, samples_per_turn, turns_of
+from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
+from rverror.views.by_order import beside, samples_per_turn, turns_of
+from rverror.views.describing import content, content_of, listed, sheet, table
 from rverror.views.envelope import InputFile, enveloped
-from rverror.views.fields import OWN, Field, Place, entry, listing
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows
+from rverror.views.model_report import name_of
 from rverror.views.next_measurement import next_steps
-from rverror.views.passport_report import passport_json, passport_sheet
-from rverror.views.resonance_report import resonance_sheet, resonances_json
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, TORQUE, Unit
+from rverror.views.passport_report import kinds_of_causes, passport_json, passports
+from rverror.views.resonance_report import alone, resonances, resonances_json
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
 
-#: What accounts for the power of an order, as `OrderShare` names it and as people do.
-SHARES = {
-    "parts": "parts",
-    "compliance": "compliance",
-    "measuring_chain": "measuring chain",
-    "empirical": "law only",
-    "left": "nothing",
-}
-_ANGLE_DIGITS = 9  # so that samples of many turns stay apart
+_STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
+_RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
+_PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 
 
 @dataclass(frozen=True)
@@ -65,7 +49,6 @@ class _Signal:
 
 
 SIGNALS = {"angle": _Signal(ANGLE, "arcsec"), "torque": _Signal(TORQUE, "newton_metre")}
-_RESIDUAL = {"rms": "rms", "peak_to_peak": "peak-to-peak", "heldout_rms": "held-out rms"}
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -75,128 +58,172 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
 
 
-def _at_order(bench: BenchUncertainty | None, order: float) -> dict[str, float | None]:
-    """Uncertainty of an order's amplitude."""
-    return {"bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(order))}
+# --- table ------------------------------------------------------------------------------------------------------------
 
 
-def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
-    return {"key": key, "indices": dict(indices)}
-
-
-def _unit_of(row: Any) -> str:
-    return units.DISPLAY_UNITS[row.dimension]
-
-
-def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
-    known = CATALOGUE.get(addition.effect.key)
-    return {
-        **_cause(addition.effect.key, addition.effect.indices),
-        "parameters": {
-            one.name: entry(one, one.dimension, value=OWN, unit=_unit_of, low=OWN, high=OWN)
-            for one in addition.estimates
+@table.register
+def _diagnosis_table(result: Diagnosis) -> Table:
+    signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
+    of_bench: dict[str, Field] = {}
+    of_rms: dict[str, Field] = {}
+    if bench is not None:
+        of_bench["bench_uncertainty"] = (lambda one: bench.of_order(one.order), ANGLE)
+        of_rms["bench_uncertainty"] = (lambda _: bench.of("rms"), ANGLE)
+    shares = alike(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
+    variables = {
+        **_added(result, signal),
+        **rows("stage", _stages(result, bench), stage="0", **alike(signal, *_RESIDUAL, within="1.")),
+        **arrays("", result, noise_rms=signal),
+        **rows(
+            "unexplained",
+            result.unexplained,
+            "unexplained_",
+            order=NUMBER,
+            **alike(signal, "amplitude", "low", "high", "cos", "sin"),
+            **of_bench,
+            frames=lambda one: one.frames or beside(unit, one.order),
+            alias_of=lambda one: _folds(one, result),
+        ),
+        **rows("unseen", result.validation, "unseen_", file=None, before=signal, after=signal, **of_rms),
+        **rows("share", result.shares, "share_", order=NUMBER, amplitude=signal, **shares),
+        **rows("candidate", result.candidates, "candidate_", key=None, indices=None, heldout_gain=NUMBER),
+        **rows(
+            "elastic",
+            result.elastic,
+            "elastic_",
+            ("elastic_unit", "dimension"),
+            name=None,
+            **alike(OWN, "declared", "value", "low", "high"),
+            told=None,
+        ),
+        **passports(result.passport, bench),
+        **resonances(result.resonances),
+        **_declared(result),
+        **_traces(result, signal),
+        **_angles_of(result, "set_aside", "set_aside"),
+        **_angles_of(result, "slip", "slips"),
+    }
+    told = {"model": name_of(result.declared), "candidates_tried": result.tried}
+    told |= about(result, "verdict", "quantity", "notes")
+    named = (describe(one.effect.key, one.effect.indices) for one in result.added)
+    return Table(
+        "Diagnosis",
+        "added",
+        variables,
+        told,
+        title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
+        shown={
+            "added": ("effect", "parameter", "value", "interval", "unit"),
+            "unexplained": ("order", "amplitude", "interval", "bench_uncertainty", "frames", "alias_of"),
         },
-        "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
-        **entry(addition, orders=NUMBER, notes=None),
-        **signal.of(addition, "heldout_rms"),
-        "summary": known.summary if known else "",
-        "frame": known.frame if known else "",
-    }
+    )
 
 
-def _ranking(candidates: Sequence[Candidate]) -> list[dict[str, Any]]:
-    """Candidates with the differences of their scores."""
-    best = candidates[0] if candidates else None
-
-    def behind(candidate: Candidate) -> float:
-        assert best is not None
-        difference = best.heldout_gain - candidate.heldout_gain
-        return difference if difference > 1e-9 * abs(best.heldout_gain) else 0.0
-
-    return [
-        entry(candidate, key=None, indices=None, heldout_gain=NUMBER, behind_best=(behind, NUMBER))
-        for candidate in candidates
-    ]
-
-
-def _validation(one: Validation, signal: _Signal) -> dict[str, Any]:
-    each = zip(one.orders, one.before_by_order, one.after_by_order, strict=True)
-    return {
-        "file": one.file,
-        "before": signal.of(one, rms="before"),
-        "after": signal.of(one, rms="after"),
-        "by_order": [
-            {"order": rounded(row[0]), "before": signal.of(row, rms="1"), "after": signal.of(row, rms="2")}
-            for row in each
-        ],
-    }
-
-
-def _set_aside(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Runs in which something was set aside or the reading slips, with the angles as travelled."""
-    found = []
-    for at, trace in enumerate(diagnosis.traces):
-        angles, slips = (
-            [rounded(angle, _ANGLE_DIGITS) for angle in np.degrees([] if given is None else given).tolist()]
-            for given in (trace.set_aside, trace.slips)
-        )
-        if angles or slips:
-            found.append({"run": trace.name, "label": _label(trace, at), "angles_deg": angles, "slips_deg": slips})
+def _stages(result: Diagnosis, bench: BenchUncertainty | None) -> list[tuple[str, Any]]:
+    """Residuals and noise, and what the bench leaves uncertain of them."""
+    found: list[tuple[str, Any]] = [(words, getattr(result, stage)) for stage, words in _STAGES.items()]
+    found = [*(found if result.added else found[:-1]), ("noise", {"rms": result.noise_rms})]
+    if bench is not None:
+        peak = math.nan if result.shares else bench.of("peak_to_peak")
+        sizes = {"rms": bench.of("rms"), "peak_to_peak": peak, "heldout_rms": bench.of("rms")}
+        found.append((f"± {BESIDE}", sizes))
     return found
 
 
-def _label(trace: Trace, at: int) -> str:
-    return f"{at + 1} {way(trace.direction)}"
+def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
+    each = [(at, added, size) for at, added in enumerate(result.added) for size in added.estimates]
+    return rows(
+        "added",
+        each,
+        "added_",
+        ("added_unit", "2.dimension"),
+        effect=lambda row: describe(row[1].effect.key, row[1].effect.indices),
+        number=("0", COUNT),
+        key="1.effect.key",
+        indices="1.effect.indices",
+        parameter="2.name",
+        **alike(OWN, "value", "low", "high", within="2."),
+        orders="1.orders",
+        heldout_rms=("1.heldout_rms", signal),
+        indistinguishable_from=lambda row: "; ".join(describe(*one) for one in row[1].indistinguishable),
+        notes="1.notes",
+    )
 
 
-def _next_entries(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    return [
-        {
-            **entry(step, name=None, what=None, why=None),
-            "about": _cause(addition.effect.key, addition.effect.indices) if addition else None,
-            "separates": [_cause(*cause) for cause in step.separates],
-        }
-        for addition, step in next_steps(diagnosis)
+def _declared(result: Diagnosis) -> dict[str, Variable]:
+    """Declared sizes, and what the fit made of them."""
+    effects = result.declared.effects
+    refitted = [one.values for one in result.model.effects[: len(effects)]]
+    each = [
+        (effect, parameter, value, fitted)
+        for effect, of_effect in zip(effects, refitted, strict=False)
+        for parameter, value, fitted in zip(CATALOGUE[effect.key].parameters, effect.values, of_effect, strict=True)
     ]
+    return rows(
+        "declared",
+        each,
+        "declared_",
+        ("declared_unit", "1.dimension"),
+        effect=lambda row: describe(row[0].key, row[0].indices),
+        parameter="1.name",
+        value=("2", OWN),
+        sigma=("0.uncertainty", OWN),
+        refitted=("3", OWN),
+    )
 
 
-def _declared_entries(diagnosis: Diagnosis) -> dict[str, Any]:
-    declared = diagnosis.declared
-    unit = declared.mechanism
-    what = f"ratio {unit.ratio:.8g}"
-    if isinstance(unit, Reducer):
-        what += (
-            f", {unit.pins} pins, {unit.disc_lobes} lobes, {unit.discs} discs, {unit.cranks} cranks, "
-            f"sun {unit.sun_teeth}, planets {unit.planet_teeth} teeth"
-        )
-    else:
-        what += "".join(f", {name} {turns:g}" for name, turns in unit.shafts.items())
-    fitted: Sequence[Effect | None] = diagnosis.model.effects[: len(declared.effects)]
-    if len(fitted) < len(declared.effects):
-        fitted = [None] * len(declared.effects)
-    return {
-        "name": declared.name or unit.name,
-        "mechanism": what,
-        "effects": [_effect(*pair) for pair in zip(declared.effects, fitted, strict=True)],
+def _angles_of(result: Diagnosis, dim: str, name: str) -> dict[str, Variable]:
+    """Angles, as travelled, at which something is marked in the runs, with the number of the run."""
+    marked = [
+        (at, angle)
+        for at, trace in enumerate(result.traces)
+        if (found := getattr(trace, name)) is not None
+        for angle in found.tolist()
+    ]
+    return rows(dim, marked, f"{dim}_", run=("0", COUNT), theta=("1", POSITION))
+
+
+def _joined(values: Sequence[Array]) -> Array:
+    return np.concatenate(values) if values else np.zeros(0)
+
+
+def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
+    """Waveforms of all runs one after another, for each has angles of its own."""
+    traces, sampled = result.traces, math.isfinite(samples_per_turn(result))
+    samples = {
+        "run": [np.full(trace.theta.size, at) for at, trace in enumerate(traces)],
+        **{name: [getattr(trace, name) for trace in traces] for name in ("theta", "measured", "before", "after")},
+        **{f"residual_{name}": [trace.residual[at] for trace in traces] for at, name in enumerate(("before", "after"))},
     }
-
-
-def _effect(effect: Effect, fitted: Effect | None) -> dict[str, Any]:
-    parameters = CATALOGUE[effect.key].parameters
-    first = parameters[0]
-    values = zip(parameters, effect.values, fitted.values if fitted else [None] * len(parameters), strict=True)
+    units = {"run": NUMBER, "theta": POSITION}
     return {
-        **_cause(effect.key, effect.indices),
-        "parameters": {
-            row[0].name: entry(
-                row, row[0].dimension, value=("1", OWN), refitted=("2", OWN), unit=lambda of: _unit_of(of[0])
-            )
-            for row in values
+        **rows(
+            "run",
+            traces,
+            "run_",
+            name=None,
+            direction=lambda one: way(one.direction),
+            torque=TORQUE,
+            index=None,
+            samples_per_turn=(lambda one: one.theta.size / turns_of(one) if sampled else None, NUMBER),
+        ),
+        **{
+            f"sample_{name}": Variable(("sample",), _joined(values), units.get(name, signal))
+            for name, values in samples.items()
         },
-        "uncertainty": entry(effect, first.dimension, value=("uncertainty", OWN), unit=lambda _: _unit_of(first))
-        if effect.uncertainty
-        else None,
     }
+
+
+def _folds(line: Line, diagnosis: Diagnosis) -> str:
+    """Orders above half of the sampling that would show where a line is."""
+    sampling = samples_per_turn(diagnosis)
+    if math.isinf(sampling):
+        return "not known: the sampling is not kept"
+    found = [fold for fold in folds(diagnosis.declared.mechanism, line.order, sampling) if fold.frames]
+    return ", ".join(f"{brief(fold.order)} ({'; '.join(fold.frames)})" for fold in found)
+
+
+# --- for programs -----------------------------------------------------------------------------------------------------
 
 
 def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
@@ -208,83 +235,108 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
     return enveloped("Diagnosis", diagnosis_content(diagnosis), files, listed="files")
 
 
+@content.register
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
-    signal = SIGNALS[diagnosis.quantity]
-    sampling, bench = samples_per_turn(diagnosis), stated_bench(diagnosis)
+    signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
+    told = content_of(_diagnosis_table(diagnosis))
+    variables = {name: of for name, of in told["variables"].items() if of["dimensions"] != ["sample"]}
+    sizes = alike(OWN, "declared", "value", "low", "high")
+    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.told)}
     return {
-        **entry(diagnosis, verdict=None, candidates_tried="tried", notes=None),
+        **told,
+        "variables": variables,
+        "notes": list(diagnosis.notes),
         **signal.of(diagnosis, "noise_rms"),
         **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
         "bench_uncertainty": bench_json(bench, whole=not diagnosis.shares),
         "added": [_addition(addition, signal) for addition in diagnosis.added],
-        "unexplained_orders": [_line(line, diagnosis) for line in diagnosis.unexplained],
-        "by_order": [
+        "unexplained_orders": [
             {
-                **entry(row, order=NUMBER, frames=None, beside=None),
-                **signal.of(row, "before", "after"),
-                **_at_order(bench, row.order),
-                "runs": [signal.of(run, before="0", after="1") for run in row.runs],
+                **entry(one, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
+                **signal.of(one, "amplitude"),
+                "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
             }
-            for row in leading_orders(diagnosis)
+            for one in diagnosis.unexplained
         ],
-        "candidates": _ranking(diagnosis.candidates),
-        "next_measurements": _next_entries(diagnosis),
-        "declared": _declared_entries(diagnosis),
-        "runs": [
+        "next_measurements": [
             {
-                "name": trace.name,
-                "label": _label(trace, at),
-                "direction": way(trace.direction),
-                "torque": None if (torque := trace.torque) is None else f"{units.to_display(torque, 'torque'):g} N*m",
-                "samples_per_turn": None if math.isinf(sampling) else rounded(trace.theta.size / turns_of(trace)),
+                **entry(step, name=None, what=None, why=None),
+                "about": _cause(addition.effect.key, addition.effect.indices) if addition else None,
+                "separates": [_cause(*cause) for cause in step.separates],
             }
-            for at, trace in enumerate(diagnosis.traces)
+            for addition, step in next_steps(diagnosis)
         ],
-        "stiffness": [
-            entry(
-                one,
-                one.dimension,
-                name=None,
-                unit=_unit_of,
-                declared=OWN,
-                value=OWN,
-                low=OWN,
-                high=OWN,
-                told=lambda row: bool(row.told),
-            )
-            for one in diagnosis.elastic
-        ],
+        "stiffness": [entry(one, one.dimension, **stiffness) for one in diagnosis.elastic],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
-        "shares": [
-            {
-                **entry(share, order=NUMBER),
-                **signal.of(share, "amplitude"),
-                "shares": entry(share, **dict.fromkeys(SHARES, NUMBER)),
-            }
-            for share in diagnosis.shares
+        "validation": [
+            {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
+            for one in diagnosis.validation
         ],
-        "validation": [_validation(one, signal) for one in diagnosis.validation],
-        "set_aside": _set_aside(diagnosis),
         "unit": signal.unit.shown,
         "suffix": signal.suffix,
     }
 
 
-def _line(line: Line, diagnosis: Diagnosis) -> dict[str, Any]:
-    signal, unit, sampling = SIGNALS[diagnosis.quantity], diagnosis.declared.mechanism, samples_per_turn(diagnosis)
-    could_fold = [] if math.isinf(sampling) else folds(unit, line.order, sampling)
+def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
+    return {"key": key, "indices": dict(indices)}
+
+
+def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
+    sizes: dict[str, Field] = {"value": OWN, "unit": OWN_NAME, "low": OWN, "high": OWN}
     return {
-        **entry(line, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
-        **signal.of(line, "amplitude"),
-        **_at_order(stated_bench(diagnosis), line.order),
-        "beside": [] if line.frames else list(beside(unit, line.order)),
-        "as_effect": _as_measured(line, unit),
-        "could_fold_from": None
-        if math.isinf(sampling)
-        else [entry(fold, order=NUMBER, frames=None) for fold in could_fold if fold.frames],
+        **_cause(addition.effect.key, addition.effect.indices),
+        "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
+        "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
+        **entry(addition, orders=NUMBER, notes=None),
+        **signal.of(addition, "heldout_rms"),
     }
+
+
+# --- for people -------------------------------------------------------------------------------------------------------
+
+
+@sheet.register
+def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
+    """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
+    told, bench = _diagnosis_table(diagnosis), stated_bench(diagnosis)
+    kinds = kinds_of_causes(diagnosis.passport)
+    own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
+    return (
+        *title("Diagnosis", name_of(diagnosis.declared)),
+        Sentence(*_verdict(diagnosis)),
+        *listed(told, "stage"),
+        *line(_credit(diagnosis)),
+        *listed(told, "added"),
+        *(sentence for one in diagnosis.added for sentence in _about(one, diagnosis)),
+        *_steps(diagnosis),
+        *section(
+            "Lines that no source of the catalogue explains",
+            *listed(told, "unexplained"),
+            *line(own if diagnosis.unexplained else ""),
+        ),
+        *section("Measurements that no fit saw", *listed(told, "unseen")),
+        *section(
+            "Orders over load, speed and temperature",
+            *(
+                (*listed(told, "passport"), *listed(told, "law"), *map(Sentence, kinds))
+                if _tells_loads(diagnosis)
+                else ()
+            ),
+        ),
+        *section(
+            "Natural frequencies that orders show over the speed",
+            *listed(told, "resonance"),
+            *listed(told, "peak"),
+            *line(alone(diagnosis.resonances)),
+        ),
+        *section("What accounts for the power of each order", *listed(told, "share")),
+        *section("Stiffness, backlash and contact law", *listed(told, "elastic"), *line(_not_determined(diagnosis))),
+        *section("What was declared", *listed(told, "declared"), *listed(told, "run")),
+        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.shares)),
+        *notes(diagnosis.notes),
+    )
 
 
 def _tells_loads(diagnosis: Diagnosis) -> bool:
@@ -296,54 +348,6 @@ def _is_cause(addition: Addition) -> bool:
     """Tell whether an addition is more than a law; a source of one's own is, while the catalogue does not hold it."""
     entry = CATALOGUE.get(addition.effect.key)
     return entry is None or entry.is_cause
-
-
-def _as_measured(line: Line, unit: Mechanism) -> dict[str, Any] | None:
-    """A line as an effect of the model file, where it is a whole order of a reducer."""
-    order, most = round(line.order), len(empirical.ORDER.indices[1].allowed(unit))
-    if isinstance(unit, Drive) or abs(line.order - order) > 1e-6 or order > most or not math.isfinite(line.cos):
-        return None
-    sizes = {name: f"{size / ARCSEC:.4g} arcsec" for name, size in (("cos", line.cos), ("sin", line.sin))}
-    return {"key": empirical.ORDER.key, "frame": "output", "harmonic": order, **sizes}
-
-
-# --- for people -------------------------------------------------------------------------------------------------------
-
-_STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
-_PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
-_RANKED = 10  # candidates that are listed
-
-
-def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
-    """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    data, bench = diagnosis_content(diagnosis), stated_bench(diagnosis)
-    causes = [one for one, added in zip(data["added"], diagnosis.added, strict=True) if _is_cause(added)]
-    laws = [one for one in data["added"] if one not in causes]
-    whole = not diagnosis.shares
-    passport = passport_sheet(diagnosis.passport, bench=bench) if _tells_loads(diagnosis) else ()
-    shares: dict[str, Field] = {"order": None, f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}"}
-    shares |= {head: (f"shares.{name}", PERCENT) for name, head in SHARES.items()}
-    return (
-        *title("Diagnosis", data["declared"]["name"]),
-        Sentence(*_verdict(diagnosis)),
-        *_residuals(data),
-        *line(_credit(diagnosis)),
-        *_sizes_of("what was added", causes),
-        *(sentence for one in causes for sentence in _about(one, diagnosis)),
-        *section("Laws that only describe orders", *_sizes_of("law", laws)),
-        *_steps(data),
-        *section("Lines that no source of the catalogue explains", *_lines(data)),
-        *section("Measurements that no fit saw", *_validated(data)),
-        *section("Orders over load, speed and temperature", *passport),
-        *section("Natural frequencies that orders show over the speed", *resonance_sheet(diagnosis.resonances)),
-        *section("What accounts for the power of each order, %", *listing(data["shares"], shares)),
-        *section("Residual by order", *_by_order(data)),
-        *section("Stiffness, backlash and contact law", *_stiffness(data)),
-        *section("Candidates by a linear step", *_candidates(diagnosis, data)),
-        *section("What was declared", *_declared(data)),
-        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=whole)),
-        *notes(data["notes"]),
-    )
 
 
 def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -402,179 +406,32 @@ def _credit(diagnosis: Diagnosis) -> str:
     )
 
 
-def _beside(data: Mapping[str, Any], place: Place) -> dict[str, Field]:
-    """Column of the bench's uncertainty, where the model states a bench."""
-    return {f"± {BESIDE}": place} if data["bench_uncertainty"] else {}
-
-
-def _residuals(data: Mapping[str, Any]) -> Sheet:
-    stages = [stage for stage in _STAGES if stage != "after" or data["added"]]
-    suffix, stated = data["suffix"], data["bench_uncertainty"]
-    listed = [(_STAGES[stage], *(data[stage][f"{name}_{suffix}"] for name in _RESIDUAL)) for stage in stages]
-    listed.append(("noise", data[f"noise_rms_{suffix}"], None, None))
-    if stated:
-        listed.append((f"± {BESIDE}", *(stated[f"{name}_arcsec"] for name in _RESIDUAL)))
-    return grid((f"residual, {data['unit']}", *_RESIDUAL.values()), listed)
-
-
-def _named(of: Mapping[str, Any]) -> str:
-    return describe(of["key"], of["indices"])
-
-
-def _parameters(effects: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Parameters of effects in rows, the first of each with the effect's name."""
-    return [
-        {"effect": "" if at else _named(one), "of": one, "name": name, **size}
-        for one in effects
-        for at, (name, size) in enumerate(one["parameters"].items())
-    ]
-
-
-def _sizes_of(head: str, added: Sequence[Mapping[str, Any]]) -> Sheet:
-    heads: dict[str, Field] = {head: "effect", "parameter": "name", **_KNOWN, "unit": None}
-    return listing(_parameters(added), heads)
-
-
-def _as_known(row: Mapping[str, Any]) -> tuple[float | None, Ends]:
-    """Size and interval without the digits that the interval makes meaningless: two of its width are left."""
-    value, low, high = (row[name] for name in ("value", "low", "high"))
-    if value is None or low is None or high is None or high <= low:
-        return value, Ends((low, high))
-    digits = 1 - math.floor(math.log10(high - low))
-    return round(value, digits), Ends((round(low, digits), round(high, digits)))
-
-
-_KNOWN: Mapping[str, Field] = {
-    "size": lambda row: _as_known(row)[0],
-    "95 % interval": lambda row: _as_known(row)[1],
-}
-
-
-def _about(one: Mapping[str, Any], diagnosis: Diagnosis) -> Iterator[Sentence]:
+def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
     """What a cause is, where it shows, what cannot be told from it."""
-    name, orders = _named(one), ", ".join(brief(order) for order in one["orders"])
-    drive = isinstance(diagnosis.declared.mechanism, Drive)
-    fixed = "" if drive or one["frame"] not in _PARTS else f", fixed in the {one['frame']}"
-    counted = "; indices count from 0" if any(isinstance(value, int) for value in one["indices"].values()) else ""
+    known, indices = CATALOGUE.get(one.effect.key), one.effect.indices
+    name, orders = describe(one.effect.key, indices), ", ".join(brief(order) for order in one.orders)
+    summary, frame = (known.summary, known.frame) if known else ("a source of your own", "")
+    fixed = f", fixed in the {frame}" if frame in _PARTS and not isinstance(diagnosis.declared.mechanism, Drive) else ""
+    counted = "; indices count from 0" if any(isinstance(value, int) for value in indices.values()) else ""
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
-    yield Sentence(f"{name}: {one['summary'] or 'a source of your own'}{fixed}; it {shows}{counted}.")
-    if one["indistinguishable_from"]:
-        yield Sentence(f"These runs cannot tell {name} from {', '.join(map(_named, one['indistinguishable_from']))}.")
-    yield from (Sentence(f"{name}: {note}.") for note in one["notes"])
+    yield Sentence(f"{name}: {summary}{fixed}; it {shows}{counted}.")
+    if one.indistinguishable:
+        others = ", ".join(describe(*other) for other in one.indistinguishable)
+        yield Sentence(f"These runs cannot tell {name} from {others}.")
+    yield from (Sentence(f"{name}: {note}.") for note in one.notes)
 
 
-def _steps(data: Mapping[str, Any]) -> Iterator[Sentence]:
-    for at, step in enumerate(data["next_measurements"], 1):
-        others = ", ".join(map(_named, step["separates"]))
-        tells = f" This tells {_named(step['about'])} from {others}." if others else ""
-        why = f": {step['why']}" if step["why"] else ""
-        yield Sentence(f"Measure next, {at}: {step['what']}{why}.{tells}", strong=f"Measure next, {at}:")
+def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
+    for at, (addition, step) in enumerate(next_steps(diagnosis), 1):
+        tells = ""
+        if addition is not None and step.separates:
+            others = ", ".join(describe(*other) for other in step.separates)
+            tells = f" This tells {describe(addition.effect.key, addition.effect.indices)} from {others}."
+        why = f": {step.why}" if step.why else ""
+        yield Sentence(f"Measure next, {at}: {step.what}{why}.{tells}", strong=f"Measure next, {at}:")
 
 
-def _lines(data: Mapping[str, Any]) -> Sheet:
-    found = data["unexplained_orders"]
-    if not found:
-        return ()
-    heads: dict[str, Field] = {
-        "unexplained order": "order",
-        f"amplitude, {data['unit']}": f"amplitude_{data['suffix']}",
-        "95 % interval": lambda one: Ends((one["low"], one["high"])),
-        **_beside(data, "bench_uncertainty_arcsec"),
-        "frames of this order": _frames,
-        "or an alias of": lambda one: _folds(one["could_fold_from"]),
-    }
-    effect = found[0]["as_effect"]
-    described = () if effect is None else (
-        Sentence(f"To describe order {effect['harmonic']} as measured, which explains nothing, add to the model:"),
-        Verbatim("\n".join(["[[effect]]", *(f"{name} = {json.dumps(value)}" for name, value in effect.items())])),
-    )  # fmt: skip
-    own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
-    return (*listing(found, heads), Sentence(own), *described)
-
-
-def _frames(row: Mapping[str, Any]) -> str:
-    return "; ".join(row["frames"] or row["beside"]) or "none of this drive"
-
-
-def _folds(found: Sequence[Mapping[str, Any]] | None) -> str:
-    if found is None:
-        return "not known: the sampling is not kept"
-    return ", ".join(f"{brief(fold['order'])} ({'; '.join(fold['frames'])})" for fold in found) or "none that is known"
-
-
-def _validated(data: Mapping[str, Any]) -> Sheet:
-    rms = f"rms_{data['suffix']}"
-    heads: dict[str, Field] = {
-        "file": lambda one: one["file"] or "in memory",
-        f"rms before, {data['unit']}": f"before.{rms}",
-        "after": f"after.{rms}",
-        **_beside(data, lambda _: data["bench_uncertainty"]["rms_arcsec"]),
-    }
-    return listing(data["validation"], heads)
-
-
-def _by_order(data: Mapping[str, Any]) -> Sheet:
-    suffix = data["suffix"]
-
-    def of_run(row: Mapping[str, Any], at: int) -> str:
-        before, after = (row["runs"][at][f"{which}_{suffix}"] for which in ("before", "after"))
-        return "–" if before is None else f"{brief(before)} → {brief(after)}"
-
-    runs = data["runs"] if len(data["runs"]) <= 4 else []
-    heads: dict[str, Field] = {
-        "order": None,
-        f"before, {data['unit']}": f"before_{suffix}",
-        "after": f"after_{suffix}",
-        **_beside(data, "bench_uncertainty_arcsec"),
-        **{f"run {run['label']}": partial(of_run, at=at) for at, run in enumerate(runs)},
-        "frames of this order": _frames,
-    }
-    explained = "Amplitudes of the mean of turns that were each left out of the fit; over the runs, root mean square."
-    return listing(data["by_order"], heads) + line(explained * bool(data["by_order"]))
-
-
-def _stiffness(data: Mapping[str, Any]) -> Sheet:
-    told = [row for row in data["stiffness"] if row["told"]]
-    rest = ", ".join(row["name"] for row in data["stiffness"] if not row["told"])
-    heads: dict[str, Field] = {"stiffness, backlash, contact law": "name", "declared": None, "fitted": _KNOWN["size"]}
-    heads |= {"95 % interval": _KNOWN["95 % interval"]}
-    heads |= {"unit": lambda row: "" if row["unit"] == NUMBER.shown else row["unit"]}
-    return listing(told, heads) + line(f"These runs do not determine {rest}." if rest else "")
-
-
-def _candidates(diagnosis: Diagnosis, data: Mapping[str, Any]) -> Sheet:
-    ranking = data["candidates"][:_RANKED]
-    drive = isinstance(diagnosis.declared.mechanism, Drive)
-    explained = (
-        f"The best of {data['candidates_tried']}: what each takes off chi-square where it alone adds to "
-        f"{'what was found' if drive else 'the declared model'}, as far as the model is linear."
-    )
-    heads: dict[str, Field] = {
-        "candidate": _named,
-        "takes off chi-square": "heldout_gain",
-        "less than the best by": "behind_best",
-    }
-    return listing(ranking, heads) + line(explained * bool(ranking))
-
-
-def _declared(data: Mapping[str, Any]) -> Sheet:
-    effects = _parameters(data["declared"]["effects"])
-    sizes: dict[str, Field] = {
-        "effect": None,
-        "parameter": "name",
-        "declared": "value",
-        "1 sigma": lambda row: "exact" if (sigma := row["of"]["uncertainty"]) is None else sigma["value"],
-        "refitted": None,
-        "unit": None,
-    }
-    runs: dict[str, Field] = {
-        "run": "name",
-        "direction": None,
-        "output torque": lambda run: run["torque"] or "–",
-        "samples an output turn": "samples_per_turn",
-    }
-    return (
-        Sentence(data["declared"]["mechanism"] + ("" if effects else "; no effect is declared")),
-        *listing(effects, sizes),
-        *listing(data["runs"], runs),
-    )
+def _not_determined(diagnosis: Diagnosis) -> str:
+    """What the runs do not say of stiffness, backlash and contact law."""
+    rest = ", ".join(one.name for one in diagnosis.elastic if not one.told)
+    return f"These runs do not determine {rest}." if rest else ""

@@ -7,57 +7,22 @@ count places, as in ``"seen.0"``.  `OWN` is the unit of each row's own dimension
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from rverror.base.numbers import rounded
-from rverror.views.blocks import Ends, Sheet, columns_of
-from rverror.views.variables import Each, Unit, Variable, unit_of
+from rverror.views.blocks import in_words
+from rverror.views.variables import NUMBER, PERCENT, Each, Unit, Variable, unit_of
 
 #: Whole numbers, kept as such.
 COUNT = Unit("dimensionless", "dimensionless")
-#: Stands for the unit of a row's own dimension.
-OWN = Unit("own", "own")
+#: Stands for the unit of a row's own dimension, and for the name of that unit.
+OWN, OWN_NAME = Unit("own", "own"), Unit("own name", "own name")
 
 Place = str | Callable[[Any], Any]
 Field = Unit | Place | None | tuple[Place, Unit | Each | None]
-
-
-@dataclass(frozen=True)
-class Column:
-    """A field with its name in tables, its key in JSON and its head for people; where that is empty it is not told."""
-
-    name: str = ""
-    field: Field = None
-    key: str = ""
-    head: str = ""
-
-
-def in_table(columns: Iterable[Column]) -> dict[str, Field]:
-    """Fields of `rows`."""
-    return {one.name: one.field for one in columns if one.name}
-
-
-def in_json(columns: Iterable[Column]) -> dict[str, Field]:
-    """Fields of `entry`."""
-    return {one.key: _parts(one.name, one.field) for one in columns if one.key}
-
-
-def for_people(columns: Iterable[Column]) -> dict[str, Field]:
-    """Fields of `listing`."""
-    return {one.head: _parts(one.name, one.field) for one in columns if one.head}
-
-
-def sized(name: str, unit: Unit, place: str, *, keys: Sequence[str] = ("", ""), head: str = "") -> tuple[Column, ...]:
-    """Columns of a value with its interval: in tables its ends apart, else together."""
-    return (
-        Column(name, (f"{place}.value", unit), keys[0], head),
-        *(Column(f"{name}_{end}", (f"{place}.{end}", unit)) for end in ("low", "high")),
-        Column("", (place, unit), keys[1], "95 % interval" if head else ""),
-    )
 
 
 def value_at(row: Any, place: Place) -> Any:
@@ -109,7 +74,7 @@ def rows(
     units = Each(own[0], tuple(_own(value_at(row, own[1])) for row in listed)) if own else None
     for name, field in fields.items():
         place, unit = _parts(name, field)
-        values: Any = [value_at(row, place) for row in listed]
+        values: Any = [in_words(value_at(row, place)) for row in listed]
         if unit is not None:
             values = np.array(values, dtype=int if unit is COUNT else np.float64)
         made[f"{prefix}{name}"] = Variable((dim,), values, units if unit is OWN else unit)
@@ -145,14 +110,14 @@ def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
     return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
 
 
-def bare(variables: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Variables whose columns are named by their places alone."""
-    return {name: replace(variable, bare=True) for name, variable in variables.items()}
-
-
 def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
     """Fields of one unit, of the row itself or of a part of it."""
     return {name: (f"{within}{name}", unit) for name in names}
+
+
+def sized(name: str, unit: Unit, place: str) -> dict[str, Field]:
+    """Fields of a value and of the ends of its interval."""
+    return {f"{name}{end}": (f"{place}.{of}", unit) for end, of in (("", "value"), ("_low", "low"), ("_high", "high"))}
 
 
 def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Place, Any]]]:
@@ -166,7 +131,7 @@ def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str,
     ----------
     row
     dimension : str or Unit
-        That of `OWN`.
+        That of `OWN`.  Shares stay parts of 1.
     **fields
         By key.
 
@@ -176,8 +141,12 @@ def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str,
     >>> entry(3 + 4j, real=None, size=(abs, LENGTH))
     {'real': 3.0, 'size': 5000.0}
     """
-    own = _own(dimension) if dimension else None
-    return {key: _plain(value_at(row, place), own if unit is OWN else unit) for key, (place, unit) in _each(fields)}
+    own = _own(dimension) if dimension else NUMBER
+    made: dict[str, Any] = {}
+    for key, (place, unit) in _each(fields):
+        chosen = {OWN: own, PERCENT: NUMBER}.get(unit, unit)
+        made[key] = own.shown if unit is OWN_NAME else _plain(value_at(row, place), chosen)
+    return made
 
 
 def _plain(value: Any, unit: Any) -> Any:
@@ -190,26 +159,3 @@ def _plain(value: Any, unit: Any) -> Any:
     if hasattr(value, "low"):
         return [_plain(end, unit) for end in (value.low, value.high)]
     return rounded(float(value) / unit.size)
-
-
-def listing(things: Iterable[Any], heads: Mapping[str, Field], *, own: Place = "dimension") -> Sheet:
-    """Table for people of things that stand in a row, nothing where there is none.
-
-    Parameters
-    ----------
-    things : iterable
-    heads : mapping
-        Fields by the heads of their columns.
-    own : place
-        Of a row's dimension or unit, for columns in `OWN`.
-    """
-    listed = list(things)
-
-    def told(row: Any, place: Place, unit: Any) -> Any:
-        value = value_at(row, place)
-        if unit is None or value is None:
-            return value
-        size = (_own(value_at(row, own)) if unit is OWN else unit).size
-        return Ends((value.low / size, value.high / size)) if hasattr(value, "low") else float(value) / size
-
-    return columns_of({head: [told(row, *parts) for row in listed] for head, parts in _each(heads)})

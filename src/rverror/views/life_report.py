@@ -8,31 +8,16 @@ from typing import Any
 
 from rverror.base.numbers import brief, count_of, rounded
 from rverror.base.text import describe
-from rverror.base.units import ARCSEC, DISPLAY_UNITS
+from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
-from rverror.views.blocks import Sentence, Sheet, line, notes, title
-from rverror.views.describing import content, sheet, table
-from rverror.views.fields import (
-    OWN,
-    Column,
-    Field,
-    about,
-    alike,
-    arrays,
-    entry,
-    for_people,
-    in_json,
-    in_table,
-    listing,
-    rows,
-    sized,
-)
-from rverror.views.model_report import inside
+from rverror.views.describing import content, content_of, table
+from rverror.views.fields import OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, Table, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
 _NAMED = 4  # rivals
+_SHOWN = ("source", "parameter", "course", "since", "size", "size_interval", "unit")
 
 
 def _each(changed: Sequence[Changed]) -> list[tuple[Changed, Grown]]:
@@ -40,65 +25,87 @@ def _each(changed: Sequence[Changed]) -> list[tuple[Changed, Grown]]:
     return [(one, grown) for one in changed for grown in one.parameters]
 
 
-def _name(row: tuple[Changed, Grown]) -> str:
-    return describe(row[0].key, row[0].indices)
-
-
-def _unit(row: tuple[Changed, Grown]) -> str:
-    return DISPLAY_UNITS[row[1].dimension]
-
-
-_CHANGED = (
-    Column("source", _name, head="cause"),
-    Column("key", "0.key"),
-    Column("indices", lambda row: inside(row[0].indices)),
-    Column("parameter", "1.name", head="parameter"),
-    Column("course", "0.course"),
-    Column("since", ("0.since", NUMBER)),
-    *sized("size", OWN, "1.change", keys=("change", "change_interval"), head="by"),
-    Column("", _unit, head="unit"),
-    Column("evidence", ("0.evidence", NUMBER)),
-)
-_ORDER = (
-    Column("order", NUMBER),
-    Column("", "order", "order", "order"),
-    Column("condition", key="condition", head="condition"),
-    Column("before", ANGLE, "before", "before, arcsec"),
-    Column("after", ANGLE, "after"),
-    Column("", ("interval.value", ANGLE), head="after, arcsec"),
-    Column("low", ("interval.low", ANGLE)),
-    Column("high", ("interval.high", ANGLE)),
-    Column("", ("interval", ANGLE), "interval", "95 % interval"),
-    Column("difference", ANGLE, "difference"),
-    Column("chance", NUMBER, "chance", "chance"),
-)
-
-
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
 @table.register
 def _trend_table(result: Trend) -> Table:
+    per = f"per_1000_{result.unit}s"
     variables = {
         **_changes(result.changed),
+        **rows(
+            "change",
+            [(grown, _per_thousand(grown)) for _, grown in _each(result.changed)],
+            "",
+            ("change_unit", "0.dimension"),
+            **sized(per, OWN, "1"),
+        ),
         **arrays("session", result, at=NUMBER),
         **arrays("session run", result, peak_to_peak=ANGLE),
         **arrays("session load", result, lost_motion=ANGLE, explained=ANGLE),
+        **arrays("", result.remaining, limit=ANGLE, now=ANGLE),
     }
-    told = about(result, "model", "conditions", "chance", "notes", time_unit=result.unit)
-    return Table("Trend", "change", variables, told)
+    sessions = count_of(len(result.at), "session")
+    span = f"{sessions}, {brief(result.at[0])} to {brief(result.at[-1])} {result.unit}s"
+    remains = (remaining_words(result),) if result.remaining else ()
+    return Table(
+        "Trend",
+        "change",
+        variables,
+        about(result, "model", "conditions", "chance", "notes", time_unit=result.unit),
+        title=(result.model, span),
+        verdict=_trend_verdict(result),
+        facts={"conditions": "; ".join(result.conditions)},
+        sentences=(*_rivals(result.changed), *remains),
+        shown={"change": (*_SHOWN, per, f"{per}_interval"), "session": ()},
+    )
+
+
+def _per_thousand(grown: Grown) -> Interval:
+    rate = grown.rate
+    return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
 
 
 @table.register
 def _compared_table(result: RunsCompared) -> Table:
-    orders = rows("order", result.orders, **in_table(_ORDER))
-    told = about(result, "conditions", "noise", "notes")
-    return Table("RunsCompared", "order", {**orders, **_changes(result.changed)}, told)
+    fields: dict[str, Field] = {
+        "order": NUMBER,
+        "condition": None,
+        "before": ANGLE,
+        **sized("after", ANGLE, "interval"),
+        "difference": ANGLE,
+        "chance": NUMBER,
+    }
+    orders = len({one.order for one in result.orders})
+    strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
+    return Table(
+        "RunsCompared",
+        "order",
+        {**rows("order", result.orders, **fields), **_changes(result.changed)},
+        about(result, "conditions", "noise", "notes"),
+        title=("; ".join(result.conditions),),
+        verdict=(f"{strong} beyond noise of {brief(result.noise / ARCSEC, 2)} arcsec an order", strong),
+        sentences=tuple(_rivals(result.changed)),
+        shown={"change": _SHOWN},
+    )
 
 
 def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
     """Parameters of causes that changed, a row for each."""
-    return rows("change", _each(changed), "", ("change_unit", "1.dimension"), **in_table(_CHANGED))
+    return rows(
+        "change",
+        _each(changed),
+        "",
+        ("change_unit", "1.dimension"),
+        source=lambda row: describe(row[0].key, row[0].indices),
+        key="0.key",
+        indices="0.indices",
+        parameter="1.name",
+        course="0.course",
+        since=("0.since", NUMBER),
+        **sized("size", OWN, "1.change"),
+        evidence=("0.evidence", NUMBER),
+    )
 
 
 # --- for programs -----------------------------------------------------------------------------------------------------
@@ -109,9 +116,8 @@ def _trend_content(result: Trend) -> dict[str, Any]:
     """None where something is not determined."""
     left, per = result.remaining, result.unit
     time = None if left is None or left.time is None else left.time
-    growing = {
-        **in_json(_CHANGED),
-        **alike(None, "course", within="0."),
+    growing: dict[str, Field] = {
+        "course": "0.course",
         f"rate_per_{per}": ("1.rate.value", OWN),
         "interval": ("1.rate", OWN),
         "since": ("0.since", NUMBER),
@@ -124,98 +130,39 @@ def _trend_content(result: Trend) -> dict[str, Any]:
         "interval": ("1.change", OWN),
     }
     return {
-        **entry(result, model=None, time_unit="unit", sessions=("at", NUMBER), conditions=None, chance=NUMBER),
+        **content_of(table(result)),
         "growing": [_changed(row, **growing) for row in _each(result.growing)],
         "jumps": [_changed(row, **jumps) for row in _each(result.jumps)],
         f"remaining_{per}s": None if time is None else [rounded(end) for end in (time.low, time.high)],
-        "limit": left and entry(left, quantity=None, limit_arcsec=("limit", ANGLE), now_arcsec=("now", ANGLE)),
-        **entry(
-            result,
-            peak_to_peak_arcsec=("peak_to_peak", ANGLE),
-            lost_motion_arcsec=("lost_motion", ANGLE),
-            notes=None,
-        ),
     }
 
 
 @content.register
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
-    orders = [{"unit": DISPLAY_UNITS["angle"], **entry(one, **in_json(_ORDER))} for one in result.orders]
+    orders = [
+        entry(
+            one, order=None, condition=None, **alike(ANGLE, "before", "after", "interval", "difference"), chance=NUMBER
+        )
+        for one in result.orders
+    ]
     causes = [
         {"before": 0.0, **_changed(row, after=("1.change.value", OWN), interval=("1.change", OWN))}
         for row in _each(result.changed)
     ]
-    told = entry(result, conditions=None, noise_arcsec=("noise", ANGLE), notes=None)
-    return {**told, "changed": orders + causes}
+    return {**content_of(table(result)), "changed": orders + causes}
 
 
 def _changed(row: tuple[Changed, Grown], **fields: Field) -> dict[str, Any]:
     """Cause, parameter, what changed, and what would do as well."""
     one, grown = row
-    place = entry(row, key="0.key", indices="0.indices", parameter="1.name")
+    place: dict[str, Field] = {"key": "0.key", "indices": "0.indices", "parameter": "1.name", "unit": OWN_NAME}
     return {
-        **place,
-        "unit": DISPLAY_UNITS[grown.dimension],
-        **entry(row, grown.dimension, **fields, measuring="0.measuring", evidence=("0.evidence", NUMBER)),
+        **entry(row, grown.dimension, **place, **fields, measuring="0.measuring", evidence=("0.evidence", NUMBER)),
         "indistinguishable_from": [{"key": key, "indices": dict(indices)} for key, indices in one.rivals],
     }
 
 
 # --- for people -------------------------------------------------------------------------------------------------------
-
-
-@sheet.register
-def _trend_sheet(thing: Trend) -> Sheet:
-    hours = f"{thing.unit}s"
-    heads: dict[str, Field] = {
-        "grows": _name,
-        "parameter": "1.name",
-        "course": "0.course",
-        "since": "0.since",
-        "change": ("1.change.value", OWN),
-        "95 % interval": ("1.change", OWN),
-        f"per 1000 {hours}": (lambda row: _per_thousand(row).value, OWN),
-        "95 % interval of it": (_per_thousand, OWN),
-        "unit": _unit,
-    }
-    return (
-        *title(
-            "Trend",
-            thing.model,
-            f"{count_of(len(thing.at), 'session')}, {brief(thing.at[0])} to {brief(thing.at[-1])} {hours}",
-        ),
-        *line(f"Conditions: {'; '.join(thing.conditions)}" if thing.conditions else ""),
-        Sentence(*_trend_verdict(thing)),
-        *listing(_each(thing.growing), heads, own="1.dimension"),
-        *_jumped({"jump at": "0.since"}, thing.jumps),
-        *map(Sentence, _rivals(thing.changed)),
-        *(line(remaining_words(thing)) if thing.remaining else ()),
-        *notes(thing.notes),
-    )
-
-
-def _per_thousand(row: tuple[Changed, Grown]) -> Interval:
-    rate = row[1].rate
-    return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
-
-
-@sheet.register
-def _compared_sheet(thing: RunsCompared) -> Sheet:
-    orders = len({one.order for one in thing.orders})
-    strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
-    return (
-        *title("Runs compared", "; ".join(thing.conditions)),
-        Sentence(f"{strong} beyond noise of {brief(thing.noise / ARCSEC, 2)} arcsec an order", strong),
-        *listing(thing.orders, for_people(_ORDER)),
-        *_jumped({}, thing.changed),
-        *map(Sentence, _rivals(thing.changed)),
-        *notes(thing.notes),
-    )
-
-
-def _jumped(first: dict[str, Field], changed: Sequence[Changed]) -> Sheet:
-    """Causes that are another size at once, behind the time of each where there is a head for it."""
-    return listing(_each(changed), {**first, **for_people(_CHANGED)}, own="1.dimension")
 
 
 def _trend_verdict(trend: Trend) -> tuple[str, str]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from rverror.base.numbers import brief, count_of, with_unit
+from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
 from rverror.base.text import describe
 from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.result import Diagnosis, Estimate
@@ -18,31 +17,12 @@ from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
-from rverror.views.blocks import Sentence, Sheet, facts, line, notes, title
-from rverror.views.describing import content, own_columns, sheet, shown, table
-from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.fields import (
-    COUNT,
-    OWN,
-    Column,
-    Field,
-    about,
-    alike,
-    arrays,
-    bare,
-    entry,
-    for_people,
-    in_json,
-    in_table,
-    listing,
-    rows,
-    sized,
-)
-from rverror.views.model_report import inside
+from rverror.views.describing import content, content_of, table
+from rverror.views.diagnosis_report import diagnosis_content
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
 _LACKING = 0.001  # chance below which the model lacks something
-_UNIT: Field = lambda one: DISPLAY_UNITS[one.dimension]  # noqa: E731
 
 
 # --- a lot: table -----------------------------------------------------------------------------------------------------
@@ -55,88 +35,76 @@ def process_name(one: MadeBy) -> str:
     return f"{named} {', '.join(one.parameters)}" if few else named
 
 
-_PROCESS = (
-    Column("process", process_name, head="process"),
-    Column("key", key="key"),
-    Column("indices", lambda one: inside(one.indices)),
-    Column("parameters", lambda one: ", ".join(one.parameters)),
-    *sized("deviation", OWN, "deviation", keys=("sd", "sd_interval"), head="standard deviation"),
-    Column("", _UNIT, "unit", "unit"),
-    Column("above_zero", key="above_zero"),
-    Column("share", NUMBER, "share"),
-    Column("", ("share", PERCENT), head="share of variance, %"),
-    Column("alike", lambda one: "; ".join(one.alike)),
-    Column("", "alike", "with"),
-    Column("units_needed", NUMBER),
-    Column("tolerance"),
-    Column("", lambda one: one.tolerance or None, "tolerance"),
-    Column("cp", ("capability", NUMBER), "cp", "Cp"),
-    Column("cpk", ("capability_centred", NUMBER), "cpk", "Cpk"),
-    Column("", "units_needed", "units_needed", "units for ± 25 %"),
-)
-#: Of a systematic error, a row of what has it and the error.
-_SHIFT = (
-    Column("source", lambda row: describe(row[1].key, row[1].indices), head="cause"),
-    Column("parameter", "1.parameter", "parameter", "parameter"),
-    Column("size", ("1.size.value", OWN), head="size"),
-    Column("low", ("1.size.low", OWN)),
-    Column("high", ("1.size.high", OWN)),
-    Column("", "1.key", "key"),
-    Column("", "1.indices", "indices"),
-    Column("", ("1.size", OWN), "interval", "95 % interval"),
-    Column("", lambda row: DISPLAY_UNITS[row[1].dimension], "unit", "unit"),
-)
-_OUTLIER = (
-    Column("unit", "0.serial", "unit", "unit that is no member"),
-    Column("", ("0.distance", NUMBER), "distance"),
-    Column("", ("0.chance", NUMBER), "chance", "chance"),
-)
-_GROUP = (
-    Column("", lambda row: f"{row[0].label} {row[0].value}", head="group that differs"),
-    Column("label", "0.label", "label"),
-    Column("value", "0.value", "value"),
-    Column("", "0.units", "units", "units"),
-    Column("", ("0.chance", NUMBER), "chance", "chance"),
-    Column("", "0.rivals", "indistinguishable_from"),
-)
-_CHANGE = (
-    Column("since", "0.since", "since", "change since"),
-    Column("course", "0.course", "course", "course"),
-    Column("", ("0.chance", NUMBER), "chance", "chance"),
-    Column("", "0.rivals", "indistinguishable_from"),
-)
-#: Peak-to-peak error of the units to come, beside that of those that were measured.
-_PREDICTED = (
-    Column("condition", key="condition", head="peak-to-peak, arcsec"),
-    Column("mean", ANGLE, "mean_arcsec", "mean, to come"),
-    *sized("p95", ANGLE, "quantile", keys=("p95_arcsec", "p95_interval"), head="P95, to come"),
-    Column("measured_mean", ("seen.0", ANGLE), "measured_mean_arcsec", "mean, measured"),
-    Column("measured_p95", ("seen.1", ANGLE), "measured_p95_arcsec", "P95, measured"),
-)
-
-
-@table.register
-def _lot_table(result: Lot) -> Table:
-    variables = {
-        **rows("process", result.processes, "", ("process_unit", "dimension"), **in_table(_PROCESS)),
-        **_shifts("shift", (), [(None, one) for one in result.shifts]),
-        **_shifts("outlier", _OUTLIER, _with_causes(result.outsiders)),
-        **_shifts("group", _GROUP, _with_causes(result.differences)),
-        **_shifts("change", _CHANGE, [(one, one.cause) for one in result.changes]),
-        **rows("condition", result.predicted, **in_table(_PREDICTED)),
-        "order": Variable(("order",), np.asarray(result.orders, dtype=np.float64), NUMBER),
-        **arrays("order run", result, measured=("amplitudes.T", ANGLE), made=("made.T", ANGLE)),
-    }
-    return Table("Lot", "process", variables, about(result, "model", "units", "conditions", "chance", "notes"))
-
-
 def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
     return [(one, cause) for one in found for cause in one.causes]
 
 
-def _shifts(dim: str, before: Sequence[Column], found: Sequence[tuple[Any, Shift]]) -> dict[str, Variable]:
-    """Systematic errors as rows, behind the columns of what they belong to."""
-    return rows(dim, found, f"{dim}_", (f"{dim}_size_unit", "1.dimension"), **in_table((*before, *_SHIFT)))
+@table.register
+def _lot_table(result: Lot) -> Table:
+    chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
+    of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
+    variables = {
+        **rows(
+            "process",
+            result.processes,
+            "",
+            ("process_unit", "dimension"),
+            process=process_name,
+            key=None,
+            indices=None,
+            parameters=lambda one: ", ".join(one.parameters),
+            **sized("deviation", OWN, "deviation"),
+            above_zero=None,
+            share=PERCENT,
+            alike=None,
+            tolerance=None,
+            cp=("capability", NUMBER),
+            cpk=("capability_centred", NUMBER),
+            units_needed=NUMBER,
+        ),
+        **_shifts("shift", [(None, one) for one in result.shifts]),
+        **_shifts("outlier", _with_causes(result.outsiders), unit="0.serial", **chance),
+        **_shifts("group", _with_causes(result.differences), **of_group),
+        **_shifts("change", [(one, one.cause) for one in result.changes], since="0.since", course="0.course", **chance),
+        **rows("stiffness", result.stiffness.items(), "stiffness_", name="0", **sized("ratio", NUMBER, "1")),
+        **rows(
+            "condition",
+            result.predicted,
+            condition=None,
+            mean=ANGLE,
+            **sized("p95", ANGLE, "quantile"),
+            measured_mean=("seen.0", ANGLE),
+            measured_p95=("seen.1", ANGLE),
+        ),
+        "order": Variable(("order",), np.asarray(result.orders, dtype=np.float64), NUMBER),
+        **arrays("order run", result, measured=("amplitudes.T", ANGLE), made=("made.T", ANGLE)),
+    }
+    process = "process deviation deviation_interval unit above_zero share cp cpk units_needed"
+    return Table(
+        "Lot",
+        "process",
+        variables,
+        about(result, "model", "units", "conditions", "chance", "notes"),
+        title=(result.model, count_of(result.units, "unit")),
+        verdict=_lot_verdict(result),
+        facts={"conditions": "; ".join(result.conditions)},
+        sentences=tuple(_lot_sentences(result)),
+        shown={"process": process.split()},
+    )
+
+
+def _shifts(dim: str, found: Sequence[tuple[Any, Shift]], **before: Field) -> dict[str, Variable]:
+    """Systematic errors, each behind what has it: rows of that and the error."""
+    return rows(
+        dim,
+        found,
+        f"{dim}_",
+        (f"{dim}_size_unit", "1.dimension"),
+        **before,
+        source=lambda row: describe(row[1].key, row[1].indices),
+        parameter="1.parameter",
+        **sized("size", OWN, "1.size"),
+    )
 
 
 # --- a lot: for programs ----------------------------------------------------------------------------------------------
@@ -145,32 +113,39 @@ def _shifts(dim: str, before: Sequence[Column], found: Sequence[tuple[Any, Shift
 @content.register
 def _lot_content(result: Lot) -> dict[str, Any]:
     """None where something is not determined."""
-    predicted = [entry(one, **in_json(_PREDICTED)) for one in result.predicted]
+    predicted = [
+        entry(
+            one,
+            condition=None,
+            mean_arcsec=("mean", ANGLE),
+            p95_arcsec=("quantile.value", ANGLE),
+            p95_interval=("quantile", ANGLE),
+        )
+        for one in result.predicted
+    ]
     worst = max(range(len(predicted)), key=lambda at: result.predicted[at].quantile.value, default=None)
-    by_order = zip(result.conditions, result.amplitudes, result.made, strict=False)
+    named: dict[str, Field] = {"chance": ("0.chance", NUMBER), "indistinguishable_from": "0.rivals"}
     return {
-        **entry(result, model=None, units=None, conditions=None, chance=NUMBER, notes=None),
+        **content_of(table(result)),
+        **entry(result, units=None, conditions=None, notes=None),
         "processes": list(_processes(result)),
-        "shifts": [_shift((), (None, one), "value") for one in result.shifts],
-        "stiffness": {
-            name: entry(one, ratio=("value", NUMBER), interval=("", NUMBER)) for name, one in result.stiffness.items()
-        },
         "outliers": [
             {
-                **entry((one,), **in_json(_OUTLIER)),
+                **entry(one, unit="serial", distance=NUMBER, chance=NUMBER),
                 "added": _added(one.causes, one.rivals),
                 "diagnosis": None if one.diagnosis is None else _of_unit(one.diagnosis),
             }
             for one in result.outsiders
         ],
-        "groups": [_shift(_GROUP, row, "difference") for row in _with_causes(result.differences)],
-        "changes": [_shift(_CHANGE, (one, one.cause), "difference") for one in result.changes],
+        "groups": [
+            _difference(row, label="0.label", value="0.value", units="0.units", **named)
+            for row in _with_causes(result.differences)
+        ],
+        "changes": [
+            _difference((one, one.cause), since="0.since", course="0.course", **named) for one in result.changes
+        ],
         "predicted": None if worst is None else predicted[worst],
         "predicted_by_condition": predicted,
-        "orders": [int(order) for order in result.orders],
-        "rms_by_order": [
-            entry(row, condition="0", measured_arcsec=("1", ANGLE), made_arcsec=("2", ANGLE)) for row in by_order
-        ],
     }
 
 
@@ -191,17 +166,23 @@ def _place(key: str, indices: Mapping[str, IndexValue], parameter: str) -> tuple
 
 
 def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mean: Shift | None) -> dict[str, Any]:
+    sizes: dict[str, Field] = {"sd": ("deviation.value", OWN), "sd_interval": ("deviation", OWN), "unit": OWN_NAME}
     return {
         "parameter": parameter,
         "indices": dict(indices),
         **entry(mean, one.dimension, mean=("size.value", OWN), mean_interval=("size", OWN)),
-        **entry(one, one.dimension, **in_json(_PROCESS)),
+        **entry(
+            one, one.dimension, **sizes, key=None, above_zero=None, share=NUMBER, cpk=("capability_centred", NUMBER)
+        ),
+        "with": list(one.alike),
     }
 
 
-def _shift(before: Sequence[Column], row: tuple[Any, Shift], called: str) -> dict[str, Any]:
-    size: dict[str, Field] = {called: ("1.size.value", OWN)}
-    return entry(row, row[1].dimension, **in_json((*before, *_SHIFT)), **size)
+def _difference(row: tuple[Any, Shift], **before: Field) -> dict[str, Any]:
+    """What has a systematic error, and the error."""
+    size: dict[str, Field] = {"difference": ("1.size.value", OWN), "interval": ("1.size", OWN), "unit": OWN_NAME}
+    place: dict[str, Field] = {"key": "1.key", "indices": "1.indices", "parameter": "1.parameter"}
+    return entry(row, row[1].dimension, **before, **place, **size)
 
 
 def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any]]:
@@ -214,7 +195,7 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
         {
             "key": some[0].key,
             "indices": dict(some[0].indices),
-            "parameters": {one.parameter: entry(one, one.dimension, unit=_UNIT, **sizes) for one in some},
+            "parameters": {one.parameter: entry(one, one.dimension, unit=OWN_NAME, **sizes) for one in some},
             "indistinguishable_from": list(rivals),
         }
         for some in parts.values()
@@ -222,59 +203,11 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
 
 
 def _of_unit(found: Diagnosis) -> dict[str, Any]:
-    whole = diagnosis_json(found)
+    whole = diagnosis_content(found)
     return {name: whole[name] for name in ("verdict", "added")}
 
 
 # --- a lot: for people ------------------------------------------------------------------------------------------------
-
-_NOT_MADE: Mapping[str, Field] = {
-    "not above zero": process_name,
-    "standard deviation below": ("deviation.high", OWN),
-    "unit": _UNIT,
-}
-_COME = "Peak-to-peaks are those without the differences and changes named above."
-
-
-@sheet.register
-def _lot_sheet(thing: Lot) -> Sheet:
-    made = thing.processes
-    unseen = [process_name(one) for one in made if one.deviation is None]
-    looked: dict[str, Sequence[object]] = {
-        **({"systematic error": thing.shifts} if thing.marked else {}),
-        "unit that is no member": thing.outsiders,
-        **({"group that differs": thing.differences, "change over the serials": thing.changes} if thing.marked else {}),
-    }
-    none = [what for what, found in looked.items() if not found]
-    return (
-        *title("Lot", thing.model, count_of(thing.units, "unit")),
-        *line(f"Conditions: {'; '.join(thing.conditions)}" if thing.conditions else ""),
-        Sentence(*_lot_verdict(thing)),
-        *listing([one for one in made if one.above_zero], for_people(_PROCESS)),
-        *listing([one for one in made if not one.above_zero and one.deviation], _NOT_MADE),
-        *map(Sentence, _not_told_apart(thing)),
-        *line(f"Do not show under these conditions: {', '.join(unseen)}" if unseen else ""),
-        *_causes((), [(None, one) for one in thing.shifts], "systematic error"),
-        *listing(
-            thing.stiffness.items(),
-            {"stiffness": "0", "times what is stated": "1.value", "95 % interval": ("1", NUMBER)},
-        ),
-        *_causes(_OUTLIER, _with_causes(thing.outsiders)),
-        *_causes(_GROUP, _with_causes(thing.differences)),
-        *_causes(_CHANGE, [(one, one.cause) for one in thing.changes]),
-        *map(Sentence, _lot_rivals(thing)),
-        *map(Sentence, _diagnosed(thing)),
-        *line(f"Found: no {', no '.join(none)}" if none else ""),
-        *listing(thing.predicted, for_people(_PREDICTED)),
-        *line(_COME if thing.differences or thing.changes else ""),
-        *notes(thing.notes),
-    )
-
-
-def _causes(before: Sequence[Column], found: Sequence[tuple[Any, Shift]], head: str = "cause") -> Sheet:
-    """Systematic errors in the rows of a table, behind what they belong to."""
-    first, *rest = _SHIFT
-    return listing(found, for_people((*before, replace(first, head=head), *rest)), own="1.dimension")
 
 
 def _lot_verdict(lot: Lot) -> tuple[str, str]:
@@ -291,21 +224,30 @@ def _lot_verdict(lot: Lot) -> tuple[str, str]:
     return f"{strong} (chance {brief(lot.chance, 2)})", strong
 
 
-def _not_told_apart(lot: Lot) -> Iterator[str]:
-    """A sentence for each process that stands for others too."""
+def _lot_sentences(lot: Lot) -> Iterator[str]:
+    """What is not told apart, what does not show, what was looked for and not found."""
     for one in lot.processes:
         if one.alike and one.deviation is not None:
             yield f"{process_name(one)} is not told apart from {', '.join(one.alike)}: the size is that of all together"
-
-
-def _lot_rivals(lot: Lot) -> Iterator[str]:
-    """A sentence for each finding that something else would do as well."""
+    unseen = [process_name(one) for one in lot.processes if one.deviation is None]
+    if unseen:
+        yield f"Do not show under these conditions: {', '.join(unseen)}"
     found: list[tuple[str, Sequence[str]]] = [
         *((f"unit {one.serial}", one.rivals) for one in lot.outsiders),
         *((f"{one.label} {one.value}", one.rivals) for one in lot.differences),
         *((f"change since {one.since}", one.rivals) for one in lot.changes),
     ]
     yield from (f"As well for {what}: {', '.join(others)}" for what, others in found if others)
+    yield from _diagnosed(lot)
+    looked: dict[str, Sequence[object]] = {"unit that is no member": lot.outsiders}
+    if lot.marked:
+        looked |= {"systematic error": lot.shifts, "group that differs": lot.differences}
+        looked |= {"change over the serials": lot.changes}
+    none = [what for what, some in looked.items() if not some]
+    if none:
+        yield f"Found: no {', no '.join(none)}"
+    if lot.differences or lot.changes:
+        yield "Peak-to-peaks are those without the differences and changes named above."
 
 
 def _diagnosed(lot: Lot) -> Iterator[str]:
@@ -327,73 +269,39 @@ def _size(one: Estimate) -> str:
 # --- drives -----------------------------------------------------------------------------------------------------------
 
 
-_ORDER = (
-    Column("order", NUMBER, head="order"),
-    Column("chance", NUMBER, head="chance"),
-    Column("condition", head="condition"),
-    Column("least", ANGLE, head="least, arcsec"),
-    Column("median", ANGLE, head="median"),
-    Column("most", ANGLE, head="most"),
-    Column("phase", ANGLE),
-    Column("", ("phase", POSITION), head="phase, deg"),
-    Column("spread", ANGLE, head="spread"),
-    *sized("mean", ANGLE, "mean", head="mean wave"),
-)
-_OWN = (
-    Column("unit", "serial", head="unit that is off"),
-    Column("order", NUMBER, head="order"),
-    Column("distance", NUMBER, head="standard deviations"),
-    Column("chance", NUMBER, head="chance"),
-    Column("condition", head="condition"),
-    Column("amplitude", ANGLE, head="amplitude, arcsec"),
-    Column("difference", ANGLE, head="off by"),
-)
-_PAIR = (
-    Column("one", "serials.0", head="nearly equal"),
-    Column("other", "serials.1", head="and"),
-    Column("difference", ANGLE, head="difference, arcsec rms"),
-    Column("usual", ANGLE, head="of usual pairs"),
-    Column("chance", NUMBER, head="chance"),
-)
-
-
 @table.register
 def _drive_lot_table(result: DriveLot) -> Table:
+    sizes = alike(ANGLE, "least", "median", "most")
+    own: dict[str, Field] = {"unit": "serial", "order": NUMBER, "distance": NUMBER, "chance": NUMBER, "condition": None}
+    pair: dict[str, Field] = {
+        "one": "serials.0",
+        "other": "serials.1",
+        "difference": ANGLE,
+        "usual": ANGLE,
+        "chance": NUMBER,
+    }
     variables = {
-        **rows("place", result.orders, **in_table(_ORDER)),
-        **rows("own", result.own, "own_", **in_table(_OWN)),
-        **rows("pair", result.pairs, "pair_", **in_table(_PAIR)),
+        **rows("place", result.orders, order=NUMBER, chance=NUMBER, condition=None, **sizes, phase=POSITION),
+        **rows("place", result.orders, spread=ANGLE, **sized("mean", ANGLE, "mean")),
+        **rows("own", result.own, "own_", **own, amplitude=ANGLE, difference=ANGLE),
+        **rows("pair", result.pairs, "pair_", **pair),
         **arrays("unit", result, unit=lambda lot: list(lot.serials)),
         **arrays("unit place", result, amplitude=("amplitudes", ANGLE)),
     }
-    return Table("DriveLot", "place", variables, about(result, "model", "conditions", "notes"))
-
-
-@sheet.register
-def _drive_lot_sheet(thing: DriveLot) -> Sheet:
-    shared = ", ".join(str(one.order) for one in thing.orders if one.shared) or "none"
+    shared = ", ".join(str(one.order) for one in result.orders if one.shared) or "none"
     strong = f"Order in which the units' phases agree: {shared}"
-    units_off = count_of(len({one.serial for one in thing.own}), "unit")
-    return (
-        *title("Lot of drives", thing.model, count_of(len(thing.serials), "unit")),
-        Sentence(f"{strong}; {units_off} off the others; pairs nearly equal: {len(thing.pairs)}", strong=strong),
-        *listing(thing.orders, for_people(_ORDER)),
-        *listing(thing.own, for_people(_OWN)),
-        *listing(thing.pairs, for_people(_PAIR)),
-        *notes(thing.notes),
+    units_off = count_of(len({one.serial for one in result.own}), "unit")
+    return Table(
+        "DriveLot",
+        "place",
+        variables,
+        about(result, "model", "conditions", "notes"),
+        title=(result.model, count_of(len(result.serials), "unit")),
+        verdict=(f"{strong}; {units_off} off the others; pairs nearly equal: {len(result.pairs)}", strong),
     )
 
 
 # --- matched units ----------------------------------------------------------------------------------------------------
-
-
-_WAY = (
-    Column("way", "name", head="way to build"),
-    Column("units", ("errors.size", COUNT), head="units"),
-    Column("yield", ("share", PERCENT), head="yield, %"),
-    Column("p95", PERCENT, head="P95, % of the limit"),
-    Column("cost", NUMBER, head="cost a unit"),
-)
 
 
 @table.register
@@ -405,46 +313,65 @@ def _matched_table(result: Matched) -> Table:
     for name, place in at.items():
         if any(unit.parts[place].turn for unit in units):
             placed[f"{name}_turn"] = (f"parts.{place}.turn", COUNT)
+    if any(unit.chance < 1 for unit in units):
+        placed["chance"] = PERCENT
+    turns = {one.label: ([unit.turns[at] for unit in units], ANGLE) for at, one in enumerate(result.quantities)}
+    yields: dict[str, Field] = {"yield": ("share", PERCENT), "p95": PERCENT, "cost": NUMBER}
     variables = {
-        **arrays("unit", np.arange(1, len(units) + 1), unit=("", NUMBER)),
+        **arrays("unit", np.arange(1, len(units) + 1), unit=("", COUNT)),
         **rows("unit", units, **placed),
-        **(rows("unit", units, chance=("chance", PERCENT)) if any(unit.chance < 1 for unit in units) else {}),
+        **{label: Variable(("unit",), of, unit) for label, (of, unit) in turns.items()},
         **rows("quantity", result.quantities, quantity="label"),
         **arrays("quantity", result, limit=("allowed", ANGLE)),
-        **bare(arrays("unit quantity", np.array([unit.turns for unit in units]), turn=("", ANGLE))),
-        **rows("way", result.ways, **in_table(_WAY)),
+        **rows("way", result.ways, way="name", units=("errors.size", COUNT), **yields),
         **rows("left", left, "left_", kind="0", serial="1"),
     }
-    return Table("Matched", "unit", variables, about(result, "model", "possible", "bound", "doubt", "notes"))
+    limits = zip(result.quantities, result.allowed, strict=True)
+    named = [name for name in ("unit", *placed, *turns) if not name.startswith("roller")]  # the spreadsheet has those
+    strong, good = f"{len(units)} of {result.possible} units", sum(unit.chance for unit in units)
+    expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be." * (good < len(units))
+    return Table(
+        "Matched",
+        "unit",
+        variables,
+        about(result, "model", "possible", "bound", "doubt", "notes"),
+        title=(result.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
+        verdict=(
+            f"{strong} that the parts allow are within the limits, each solved at the load; by the linear influences "
+            f"no assembly of these parts has more than {result.bound}.{expected}",
+            strong,
+        ),
+        facts={f"{kind}, {len(some)} stay": _serials(some) for kind, some in result.left.items()},
+        shown={"unit": named, "left": (), "quantity": ()},
+    )
+
+
+@content.register
+def _matched_content(result: Matched) -> dict[str, Any]:
+    of_error = [at for at, one in enumerate(result.quantities) if one.span]
+    return {
+        **content_of(table(result)),
+        "units": [
+            {
+                "parts": {place_name(part): part.serial for part in unit.parts},
+                "turns": {place_name(part): part.turn for part in unit.parts},
+                "peak_to_peak_arcsec": in_arcsec(max((unit.turns[at] for at in of_error), default=None)),
+            }
+            for unit in result.units
+        ],
+        "left": {kind: list(serials) for kind, serials in result.left.items()},
+        "yield": result.share,
+        "yield_at_random": result.ways[0].share,
+        "bound": result.bound,
+    }
+
+
+def _serials(some: Sequence[str]) -> str:
+    """Serial numbers of parts that stay, eight at most."""
+    counted = [serial + f" ({count})" * (count > 1) for serial, count in Counter(some).items()]
+    return ", ".join(counted[:8]) + ", ..." * (len(counted) > 8)
 
 
 def place_name(part: MountedPart) -> str:
     """Column of a part's place: ``disc_1``."""
     return part.kind if part.place is None else f"{part.kind}_{part.place}"
-
-
-@sheet.register
-def _matched_sheet(thing: Matched) -> Sheet:
-    names = [
-        name for name in shown(thing)[0] if not name.startswith("roller")
-    ]  # forty grooves: the spreadsheet has them
-    verdict = f"{len(thing.units)} of {thing.possible} units"
-    limits = zip(thing.quantities, thing.allowed, strict=True)
-    left = {}
-    for kind, some in thing.left.items():
-        serials = [serial + f" ({count})" * (count > 1) for serial, count in Counter(some).items()]
-        left[f"{kind}, {len(some)} stay"] = ", ".join(serials[:8]) + ", ..." * (len(serials) > 8)
-    good = sum(unit.chance for unit in thing.units)
-    expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be."
-    return (
-        *title("Matched units", thing.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
-        Sentence(
-            f"{verdict} that the parts allow are within the limits, each solved at the load; by the linear influences "
-            f"no assembly of these parts has more than {thing.bound}." + expected * (good < len(thing.units)),
-            verdict,
-        ),
-        *listing(thing.ways, for_people(_WAY)),
-        *own_columns(thing, *names),
-        *facts(left),
-        *notes(thing.notes),
-    )

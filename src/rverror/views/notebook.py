@@ -5,18 +5,14 @@ Colours, letters and background are the notebook's own, so light and dark both f
 
 from __future__ import annotations
 
-from functools import singledispatch
 from typing import Any
 
-from rverror.base.numbers import count_of
-from rverror.base.text import describe, printable
-from rverror.diagnosis.result import Diagnosis
-from rverror.model.effects import Model
-from rverror.runs.measurement import Run
-from rverror.runs.order_table import OrderTable
-from rverror.views.blocks import Title, as_html
+from rverror.base.errors import InputError
+from rverror.base.text import printable
+from rverror.views.blocks import as_html
+from rverror.views.describing import kind_in_words
 from rverror.views.html import escaped
-from rverror.views.kinds import has_sheet, sheet
+from rverror.views.kinds import sheet, table
 
 _STYLE = (
     "<style>"
@@ -34,12 +30,12 @@ _STYLE = (
 
 
 def line(thing: Any) -> str:
-    """Result in one line: the title of its sheet, and how many effects, samples or causes it has.
+    """Result in one line: the title of its report.
 
     Parameters
     ----------
     thing
-        What `kinds.sheet` knows.
+        What `kinds.table` knows.
 
     Returns
     -------
@@ -51,35 +47,8 @@ def line(thing: Any) -> str:
     >>> line(rverror.Model(rverror.reducer("RV-40E")))
     'Model: RV-40E, R = 121, 0 effects'
     """
-    first = sheet(thing)[0]
-    assert isinstance(first, Title)
-    return printable(f"{first.kind}: {', '.join((*first.rest, *_more(thing)))}")
-
-
-@singledispatch
-def _more(thing: Any) -> tuple[str, ...]:
-    """What a line tells beside the title."""
-    return ()
-
-
-@_more.register
-def _of_model(thing: Model) -> tuple[str, ...]:
-    return (count_of(len(thing.effects), "effect"),)
-
-
-@_more.register
-def _of_run(thing: Run) -> tuple[str, ...]:
-    return (count_of(thing.size, "sample"),)
-
-
-@_more.register
-def _of_diagnosis(thing: Diagnosis) -> tuple[str, ...]:
-    return (thing.verdict.replace("_", " "), *(describe(one.effect.key, one.effect.indices) for one in thing.added))
-
-
-@_more.register
-def _of_orders(thing: OrderTable) -> tuple[str, ...]:
-    return (count_of(len(thing.cases), "condition"),)
+    told = table(thing)
+    return printable(f"{kind_in_words(told)}: {', '.join(filter(None, told.title))}")
 
 
 def page(thing: Any) -> str:
@@ -101,5 +70,8 @@ def page(thing: Any) -> str:
     >>> "<td>eccentricity</td>" in page(rverror.reducer("RV-40E"))
     True
     """
-    body = as_html(sheet(thing), folded=True) if has_sheet(thing) else f"<pre>{escaped(repr(thing))}</pre>"
+    try:
+        body = as_html(sheet(thing), folded=True)
+    except InputError:
+        body = f"<pre>{escaped(repr(thing))}</pre>"
     return f'<div class="rverror-page">{_STYLE}\n{body}\n</div>'

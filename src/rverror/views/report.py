@@ -10,11 +10,10 @@ import csv
 import io
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import singledispatch
 from typing import Any
 
-from rverror.base.errors import InputError
 from rverror.base.text import printable
 from rverror.base.version import __version__
 from rverror.diagnosis.result import Diagnosis
@@ -34,7 +33,7 @@ from rverror.views.blocks import (
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped, escaped_lines
-from rverror.views.kinds import content, described, has_sheet, sheet, with_options
+from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
 from rverror.views.plots.zoomable import scripts
@@ -50,7 +49,7 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     result
         A Diagnosis, Lot, DriveLot, Trend, RunsCompared, Matched, Compensation, Budget, ErrorBudget, VirtualUnits,
         Allocation, Comparison, Equilibrium, TorsionCurve, Hysteresis, Efficiency, DutyEfficiency, ContactPressure,
-        Wear, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable, Stack or
+        Wear, Modes, SpeedResponse, RunUp, Influence, Model, Effect, Reducer, Drive, Run, OrderTable or
         Tolerance; a list or tuple of Effect, Tolerance, FrontPoint or Efficiency.
     files : sequence of InputFile, optional
         What it was made from: see `input_files`.
@@ -66,7 +65,7 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     Raises
     ------
     InputError
-        If there is no text of such a result, or it takes no such option.
+        If there is no text of such a result.
 
     Examples
     --------
@@ -74,20 +73,11 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> print(to_text(rverror.effect("crank.index", crank=0, angle="1 arcmin")))
     Effect: crank.index (crank 0)
     <BLANKLINE>
-    parameter  size  1 sigma  unit
-    angle        60  exact    arcsec
+    number  key          indices  parameter  value  unit
+         0  crank.index  crank 0  angle         60  arcsec
     <BLANKLINE>
     """
-    return as_text((*_reported(result, options), *_origin(files)))
-
-
-def _reported(result: Any, options: Mapping[str, Any]) -> Sheet:
-    """Report of a result, made with the options that its kind takes."""
-    if not has_sheet(result):
-        known = {kind.__name__ for of in (to_text, sheet) for kind in of.registry} - {"object"}
-        raise InputError(f"a {type(result).__name__} has no text; these have: {', '.join(sorted(known))}")
-    made: Sheet = with_options(sheet, result, options)
-    return made
+    return as_text((*sheet(result, **options), *_origin(files)))
 
 
 def _origin(files: Sequence[InputFile]) -> Sheet:
@@ -107,7 +97,7 @@ def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     files : sequence of InputFile, optional
         What it was made from: see `input_files`.
     **options
-        As for `to_text` or, of what is told by its table, for `to_xarray`.
+        As for `to_text`.
 
     Returns
     -------
@@ -152,7 +142,7 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     Raises
     ------
     InputError
-        If there is no page of such a result, or it takes no such option.
+        If there is no page of such a result.
 
     Examples
     --------
@@ -160,10 +150,10 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> to_html(rverror.reducer("RV-40E")).startswith("<!doctype html>")
     True
     """
-    if not has_sheet(result):
+    if type(result) in to_text.registry:
         told = escaped_lines(to_text(result, **options))
         return document(f"rverror: {type(result).__name__}", f"<pre>{told}</pre>")
-    first, *rest = _reported(result, options)
+    first, *rest = sheet(result, **options)
     assert isinstance(first, Title)
     name = f"{first.kind}: {first.rest[0]}" if first.rest else first.kind
     about = (Sentence(", ".join(first.rest[1:])),) if first.rest[1:] else ()
@@ -173,7 +163,7 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     return document(f"rverror: {name}", "\n".join(parts), scripts() if "<script" in drawn else ())
 
 
-def _figures(result: Any, options: Mapping[str, Any]) -> Iterable[str]:
+def _figures(result: Any, options: dict[str, Any]) -> Iterable[str]:
     if not can_draw():
         return [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
     return figures_of(result, **options)
@@ -208,7 +198,7 @@ def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
     number,key,indices,parameter,value,unit,uncertainty,origin
     0,crank.index,crank 0,angle,60,arcsec,,
     """
-    found, told = columns(described(result), rows=rows, display=True)
+    found, told = columns(table(result), rows=rows, display=True)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     tagged = {name for name in found if units and told.get(name, "") not in ("", NUMBER.core)}

@@ -1,20 +1,17 @@
-"""Natural frequencies that orders show over the speed, for people and for programs."""
+"""Natural frequencies that orders show over the speed: their variables, their entries in JSON, their laws."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rverror.base.numbers import brief, rounded
 from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
-from rverror.views.blocks import Sheet, grid, line
+from rverror.views.fields import alike, entry, rows
+from rverror.views.variables import HERTZ, NUMBER, SPEED, Variable
 
-_RPM = 30 / math.pi
 _CURVE = 301  # points of a law
-_HEADS = ("order", "alone, Hz", "largest at, rpm")
 
 
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
@@ -24,47 +21,48 @@ def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
     ----------
     found : sequence of Resonance
     """
-    return [
-        {
-            "frequency_hz": rounded(one.frequency),
-            "low": rounded(one.low),
-            "high": rounded(one.high),
-            "damping_ratio": rounded(one.damping_ratio),
-        }
-        for one in found
-    ]
+    sizes = alike(NUMBER, "low", "high", "damping_ratio")
+    return [entry(one, frequency_hz=("frequency", NUMBER), **sizes) for one in found]
 
 
-def resonance_sheet(found: Sequence[Resonance]) -> Sheet:
-    """Natural frequencies as a report: a sentence and a table of each.
+def resonances(found: Sequence[Resonance]) -> dict[str, Variable]:
+    """Natural frequencies with their orders, and for each order its own one and the speed at which it is largest."""
+    peaks = [(order, alone, _largest_at(one, order)) for one in found for order, alone in one.alone.items()]
+    return {
+        **rows(
+            "resonance",
+            found,
+            "resonance_",
+            frequency=HERTZ,
+            frequency_low=("low", HERTZ),
+            frequency_high=("high", HERTZ),
+            damping_ratio=NUMBER,
+            damping_ratio_low=("damping_low", NUMBER),
+            damping_ratio_high=("damping_high", NUMBER),
+            orders=None,
+        ),
+        **rows(
+            "peak",
+            peaks,
+            "peak_",
+            order=("0", NUMBER),
+            alone=("1", HERTZ),
+            largest_at=("2", SPEED),
+        ),
+    }
 
-    Parameters
-    ----------
-    found : sequence of Resonance
-    """
-    return tuple(block for one in found for block in (*line(f"{_sentence(one)}."), *grid(_HEADS, _rows(one))))
+
+def _largest_at(one: Resonance, order: float) -> float:
+    """Input speed at which an order is largest, rad/s."""
+    waves = np.concatenate([own.waves for own in one.series if own.order == order])
+    speeds = np.concatenate([own.speed for own in one.series if own.order == order])
+    return float(speeds[np.argmax(np.abs(waves))])
 
 
-def _sentence(one: Resonance) -> str:
-    told = (
-        f"{brief(one.frequency)} Hz, {100 * one.confidence:g} % {_ends(one.low, one.high)}; damping ratio "
-        f"{brief(one.damping_ratio, 2)} {_ends(one.damping_low, one.damping_high, 2)}"
-    )
-    orders = [f"{order:g}" for order in one.orders]
-    if len(orders) == 1:
-        return f"{told}; order {orders[0]} alone: what happens at that speed would look the same"
-    return f"{told}; orders {', '.join(orders)}"
-
-
-def _ends(low: float, high: float, digits: int = 4) -> str:
-    return f"[{', '.join(brief(end, digits) if math.isfinite(end) else '?' for end in (low, high))}]"
-
-
-def _rows(one: Resonance) -> Iterator[tuple[str, ...]]:
-    for order, alone in one.alone.items():
-        waves = np.concatenate([own.waves for own in one.series if own.order == order])
-        speeds = np.concatenate([own.speed for own in one.series if own.order == order])
-        yield f"{order:g}", brief(alone), brief(float(speeds[np.argmax(np.abs(waves))]) * _RPM)
+def alone(found: Sequence[Resonance]) -> str:
+    """What is to be doubted of a frequency that one order alone shows."""
+    orders = ", ".join(f"{one.orders[0]:g}" for one in found if len(one.orders) == 1)
+    return f"Order {orders} alone shows it: what happens at that speed would look the same." if orders else ""
 
 
 def law_of(one: Resonance, series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:

@@ -7,20 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base import units
-from rverror.base.numbers import brief, count_of, with_unit
-from rverror.base.units import ARCSEC
-from rverror.model.effects import Model
+from rverror.base.arrays import Array
+from rverror.base.numbers import count_of, with_unit
 from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyEfficiency, DutyPhase, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
-from rverror.views.blocks import Ends, Sheet, columns_of, facts, line, notes, title
-from rverror.views.describing import own_columns, sheet, shown, table
-from rverror.views.fields import Field, arrays, rows
-from rverror.views.model_report import angles, inside, load, name_of, ways
+from rverror.views.describing import table
+from rverror.views.fields import arrays, rows
+from rverror.views.model_report import name_of, ways
 from rverror.views.variables import (
     ANGLE,
     FORCE,
@@ -42,99 +39,57 @@ from rverror.views.variables import (
 _CONTACTS = {"pin": "disc pin", "cam": "disc crank", "carrier": "crank", "mesh": "crank flank"}
 
 
-def _angle(value: float) -> str:
-    return with_unit(float(value), "angle")
-
-
-# --- loaded states ----------------------------------------------------------------------------------------------------
-
-
 @table.register
-def _state_table(result: Equilibrium, *, torque: Any | None = None, model: Model | None = None) -> Table:
+def _state_table(result: Equilibrium) -> Table:
+    error = result.transmission_error
     variables = {
+        **arrays("", result, mean=(lambda _: error.mean(), ANGLE), peak_to_peak=(lambda _: np.ptp(error), ANGLE)),
         **arrays("theta", result, theta=POSITION, transmission_error=ANGLE, steps=NUMBER, residual=NUMBER),
         **arrays("disc theta", result, loaded_pins=NUMBER),
+        **arrays(
+            "disc",
+            result.loaded_pins,
+            fewest_loaded_pins=(lambda pins: pins.min(axis=1), NUMBER),
+            most_loaded_pins=(lambda pins: pins.max(axis=1), NUMBER),
+        ),
     }
     for part, moved in result.pose.items():
         own = f"{part} " if part in ("disc", "crank") else ""
         variables |= arrays(f"{own}xy theta", moved[..., :2, :], f"{part}_", displacement=("", LENGTH))
         if moved.shape[-2] == 3:
             variables |= arrays(f"{own}theta", moved[..., 2, :], f"{part}_", rotation=("", ANGLE))
+    forces = {contact: result.contact_forces[contact] for contact in _CONTACTS}
     for contact, axes in _CONTACTS.items():
-        variables |= arrays(f"{axes} xy theta", result.contact_forces[contact], f"{contact}_", force=("", FORCE))
+        variables |= arrays(f"{axes} xy theta", forces[contact], f"{contact}_", force=("", FORCE))
     spline = result.contact_forces["spline"][:, :, 0]
     variables |= arrays("crank flank theta", spline, spline_torque=("", TORQUE))
-    variables |= arrays("xy", ["x", "y"], xy="") | load(torque)
-    return Table("Equilibrium", "theta", variables, {} if model is None else {"model": name_of(model)})
-
-
-@sheet.register
-def _state_sheet(thing: Equilibrium) -> Sheet:
-    error = thing.transmission_error
-    forces = {contact: np.sqrt((force**2).sum(axis=-2)) for contact, force in thing.contact_forces.items()}
-    spline = float(np.abs(thing.contact_forces["spline"]).max())
-    stated = {
-        "transmission error, mean": f"{_angle(error.mean())}, windup and lost motion included",
-        "transmission error, peak-to-peak": _angle(np.ptp(error)),
-        **{
-            f"pins that carry, disc {disc}": f"{row.min()} to {row.max()}" for disc, row in enumerate(thing.loaded_pins)
-        },
-        **{f"largest {at} force": f"{brief(float(f.max()))} N" for at, f in forces.items() if at != "spline"},
-        "largest spline torque": with_unit(spline, "torque"),
-        "out of balance": f"{thing.residual.max():.1e} of the load at the most",
-    }
-    return title("Equilibrium", count_of(error.size, "angle")) + facts(stated)
+    variables |= arrays("xy", ["x", "y"], xy="")
+    largest = [(contact, np.sqrt((force**2).sum(axis=-2)).max()) for contact, force in forces.items()]
+    variables |= rows("contact", largest, contact="0", largest_force=("1", FORCE))
+    return Table("Equilibrium", "theta", variables, title=(count_of(error.size, "angle"),))
 
 
 # --- torsion ----------------------------------------------------------------------------------------------------------
 
 
 @table.register
-def _torsion_table(result: TorsionCurve, *, theta: Any | None = None) -> Table:
-    return _over_torque(result, theta, angle=ANGLE)
+def _torsion_table(result: TorsionCurve) -> Table:
+    return _over_torque(result, angle=result.angle)
 
 
 @table.register
-def _loop_table(result: Hysteresis, *, theta: Any | None = None) -> Table:
-    return _over_torque(result, theta, rising=ANGLE, falling=ANGLE, width=ANGLE)
+def _loop_table(result: Hysteresis) -> Table:
+    return _over_torque(result, rising=result.rising, falling=result.falling, width=result.width)
 
 
-def _over_torque(result: TorsionCurve | Hysteresis, theta: Any | None, **turns: Field) -> Table:
-    turned = arrays("torque place", result, **turns)
-    count = next(iter(turned.values())).values.shape[1]
-    variables = {**arrays("torque", result, torque=TORQUE), **angles(theta, count, dim="place"), **turned}
-    return Table(type(result).__name__, "torque", variables, {}, frozenset({"theta"}))
-
-
-@sheet.register
-def _torsion_sheet(thing: TorsionCurve) -> Sheet:
-    return title("Torsion curve", _held(thing.angle)) + columns_of(
-        {
-            "torque, N*m": (thing.torque / 1e3).tolist(),
-            "turn, arcsec": (thing.angle.mean(axis=1) / ARCSEC).tolist(),
-            "over the angles, arcsec": _spread(thing.angle),
-        }
-    )
-
-
-@sheet.register
-def _loop_sheet(thing: Hysteresis) -> Sheet:
-    branches = {"rising": thing.rising, "falling": thing.falling, "width": thing.width}
-    listed = {
-        "torque, N*m": (thing.torque / 1e3).tolist(),
-        **{f"{name}, arcsec": (branch.mean(axis=1) / ARCSEC).tolist() for name, branch in branches.items()},
-        "width over the angles, arcsec": _spread(thing.width),
-    }
-    return title("Hysteresis", _held(thing.width)) + columns_of(listed) + line("turns are means over the angles")
-
-
-def _held(turns: Any) -> str:
-    return f"{count_of(turns.shape[1], 'angle')} of the output"
-
-
-def _spread(turns: Any) -> list[Ends]:
-    """Range over the angles at each torque, arcsec."""
-    return [Ends((float(row.min()) / ARCSEC, float(row.max()) / ARCSEC)) for row in turns]
+def _over_torque(result: TorsionCurve | Hysteresis, **turns: Array) -> Table:
+    """Turns at each torque: their means over the angles of the output, and each."""
+    variables = arrays("torque", result, torque=TORQUE)
+    for name, turned in turns.items():
+        variables |= arrays("torque", turned.mean(axis=1), **{f"mean_{name}": ("", ANGLE)})
+        variables |= arrays("torque place", turned, **{name: ("", ANGLE)})
+    places = count_of(turned.shape[1], "angle")
+    return Table(type(result).__name__, "torque", variables, title=(f"{places} of the output",))
 
 
 # --- losses -----------------------------------------------------------------------------------------------------------
@@ -142,19 +97,25 @@ def _spread(turns: Any) -> list[Ends]:
 
 @table.register
 def _efficiency_table(result: Efficiency) -> Table:
+    lost = np.array(list(result.losses.values()))
     variables = {
         **arrays("theta", result, theta=POSITION, efficiency=PERCENT, input_torque=TORQUE, error_change=ANGLE),
         **rows("part", result.by_part.items(), part="0", share=("1", PERCENT)),
-        **arrays("part theta", np.array(list(result.losses.values())), loss=("", TORQUE)),
+        **arrays("part", lost.mean(axis=1), mean_loss=("", TORQUE)),
+        **arrays("part theta", lost, loss=("", TORQUE)),
         **arrays("", result, torque=TORQUE, mean_efficiency=("mean", PERCENT)),
+        **arrays("", result.input_torque.mean(), mean_input_torque=("", TORQUE)),
     }
     about = {"drives": result.drives, "direction": ways(result.direction), "self_locking": result.self_locking}
-    return Table("Efficiency", "theta", variables, about)
+    where = f"{with_unit(result.torque, 'torque')}, {ways(result.direction)}, the {result.drives} drives"
+    locked = ("self-locking: at some angle the output cannot drive it",) if result.self_locking else ()
+    angles = count_of(result.theta.size, "angle")
+    return Table("Efficiency", "theta", variables, about, title=(where, angles), sentences=locked)
 
 
 def efficiencies_table(result: Sequence[Efficiency]) -> Table:
     """Efficiencies of several loads, a row for each."""
-    shares = [one.by_part for one in result]
+    lost = {part: Variable(("case",), [one.by_part[part] for one in result], PERCENT) for part in result[0].by_part}
     variables = {
         **rows(
             "case",
@@ -163,44 +124,13 @@ def efficiencies_table(result: Sequence[Efficiency]) -> Table:
             drives=None,
             direction=lambda one: ways(one.direction),
             efficiency=("mean", PERCENT),
-        ),
-        **arrays("part", list(shares[0]), part=""),
-        **arrays("case part", np.array([list(one.values()) for one in shares]), lost=("", PERCENT)),
-        **rows(
-            "case",
-            result,
             input_torque=(lambda one: one.input_torque.mean(), TORQUE),
             error_change=(lambda one: one.error_change.mean(), ANGLE),
             self_locking=None,
         ),
+        **{f"lost_{part}": variable for part, variable in lost.items()},
     }
     return Table("Efficiencies", "case", variables)
-
-
-@sheet.register
-def _efficiency_sheet(thing: Efficiency) -> Sheet:
-    at_input, change = thing.input_torque, thing.error_change
-    mean, least, most = (brief(100 * share) for share in (thing.mean, thing.efficiency.min(), thing.efficiency.max()))
-    stated = {
-        "efficiency": f"{mean} %, {least} to {most} over the angles",
-        "torque at the input, mean": with_unit(float(at_input.mean()), "torque"),
-        "torque at the input, peak-to-peak": with_unit(float(np.ptp(at_input)), "torque"),
-        "added output error, mean": _angle(change.mean()),
-        "added output error, peak-to-peak": _angle(np.ptp(change)),
-    }
-    lost: dict[str, list[Any]] = {
-        "lost to": [part.replace("_", " ") for part in thing.losses],
-        "torque at the output, N*m": [units.to_display(float(row.mean()), "torque") for row in thing.losses.values()],
-        "of the work put in, %": [100 * share for share in thing.by_part.values()],
-    }
-    where = f"{with_unit(thing.torque, 'torque')}, {ways(thing.direction)}, the {thing.drives} drives"
-    noticed = ["self-locking: at some angle the output cannot drive it"] if thing.self_locking else []
-    return (
-        *title("Efficiency", where, count_of(thing.theta.size, "angle")),
-        *facts(stated),
-        *columns_of(lost),
-        *notes(noticed),
-    )
 
 
 def _duty(duty: Sequence[DutyPhase]) -> dict[str, Variable]:
@@ -225,16 +155,8 @@ def _duty_table(result: DutyEfficiency) -> Table:
         ),
         **arrays("", result, ambient=TEMPERATURE, housing=TEMPERATURE, inside=TEMPERATURE),
     }
-    return Table("DutyEfficiency", "duty_phase", variables, {"drives": result.phases[0].drives})
-
-
-@sheet.register
-def _duty_sheet(thing: DutyEfficiency) -> Sheet:
-    stated = {"efficiency of the cycle": f"{brief(100 * thing.mean)} %"}
-    stated |= {f"lost to {part.replace('_', ' ')}": f"{brief(power / 1e3)} W" for part, power in thing.losses.items()}
-    stated |= {where: with_unit(getattr(thing, where), "temperature") for where in ("ambient", "housing", "inside")}
-    listed = own_columns(thing, "torque", "input_speed", "duty_hours", "efficiency", "input_torque", "drag")
-    return title("Duty", f"the {thing.phases[0].drives} drives") + facts(stated) + listed
+    drives = result.phases[0].drives
+    return Table("DutyEfficiency", "duty_phase", variables, {"drives": drives}, title=(f"the {drives} drives",))
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------------
@@ -243,38 +165,17 @@ def _duty_sheet(thing: DutyEfficiency) -> Sheet:
 @table.register
 def _pressure_table(result: ContactPressure) -> Table:
     variables = arrays("theta", result, theta=POSITION)
-    sizes = {"pressure": (result.pressure, PRESSURE), "force": (result.force, FORCE)}
+    sizes: dict[str, Any] = {"pressure": (result.pressure, PRESSURE), "force": (result.force, FORCE)}
     sizes["half_width"] = (result.half_width, LENGTH)
     for contact, axes in CONTACT_INDICES.items():
         for name, (of, unit) in sizes.items() if contact in result.pressure else ():
             variables[f"{contact}_{name}"] = Variable((*axes, "theta"), of[contact], unit)
     variables |= arrays("disc pin theta", result, pin_place=("place", POSITION))
-    variables |= rows(
-        "peak",
-        result.peaks(),
-        "peak_",
-        contact=None,
-        indices=lambda peak: inside(peak.indices),
-        pressure=PRESSURE,
-        force=FORCE,
-        theta=POSITION,
-        ripple=PERCENT,
-    )
-    return Table("ContactPressure", "peak", variables)
-
-
-@sheet.register
-def _pressure_sheet(thing: ContactPressure) -> Sheet:
-    found, _ = shown(thing)
-    listed = {
-        "hardest pressed": [f"{at} ({which})" for at, which in zip(found["contact"], found["indices"], strict=True)],
-        "pressure, MPa": found["pressure"],
-        "force, N": found["force"],
-        "at, deg": found["theta"],
-        "ripple, %": found["ripple"],
-    }
+    peaks = {"contact": None, "indices": None, "pressure": PRESSURE, "force": FORCE, "theta": POSITION}
+    variables |= rows("peak", result.peaks(), "peak_", **peaks, ripple=PERCENT)
     note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
-    return title("Contact pressure", count_of(thing.theta.size, "angle")) + columns_of(listed) + line(note)
+    angles = count_of(result.theta.size, "angle")
+    return Table("ContactPressure", "peak", variables, title=(angles,), sentences=(note,))
 
 
 @table.register
@@ -303,17 +204,11 @@ def _wear_table(result: Wear) -> Table:
         **arrays("hour pin", result, each_pin=LENGTH),
         **_duty(result.duty),
     }
-    return Table("Wear", "hour", variables, {"model": name_of(result.model)}, frozenset({"hours", "roll_angle"}))
-
-
-@sheet.register
-def _wear_sheet(thing: Wear) -> Sheet:
-    heads = {"deepest_of_lobe": "lobe", "deepest_of_pin": "pin"}
-    heads |= {"sun_thinning": "sun thinner", "planet_thinning": "planets thinner"}
-    looser = {
-        f"{joint}_clearance": f"{joint.replace('_', ' ')} looser" for joint, row in thing.clearance.items() if row.any()
-    }
-    names = ("hours", "lost_motion", "peak_to_peak", *heads, *looser)
-    return title("Wear", duty_words(thing.duty)) + own_columns(
-        thing, *names, heads={"hours": "time", **heads, **looser}
+    return Table(
+        "Wear",
+        "hour",
+        variables,
+        {"model": name_of(result.model)},
+        title=(duty_words(result.duty),),
+        shown={"phase": (), "duty_phase": ()},
     )

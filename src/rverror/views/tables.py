@@ -14,7 +14,7 @@ import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.version import __version__
-from rverror.views.kinds import described
+from rverror.views.kinds import table
 from rverror.views.variables import Each, columns
 
 if TYPE_CHECKING:
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
-def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: Any) -> DataFrame:
+def to_pandas(result: Any, *, rows: str = "", display: bool = False) -> DataFrame:
     """Result as a DataFrame.
 
     Parameters
     ----------
     result
         A Run, OrderTable, Model, Effect, Reducer, Drive, Influence, Equilibrium, TorsionCurve, Hysteresis, Efficiency,
-        ContactPressure, Diagnosis, Tolerance, Stack, Budget, ErrorBudget, VirtualUnits or Allocation; or a list or
+        ContactPressure, Diagnosis, Tolerance, Budget, ErrorBudget, VirtualUnits or Allocation; or a list or
         tuple of Effect, Tolerance, FrontPoint or Efficiency.
     rows : str, optional
         What a row is: a dimension of the Dataset.  Where left out: the sample of a run, the wave of an order table, the
@@ -40,8 +40,6 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: 
     display : bool
         Whether values are in the units in which people read them (arcsec, um, N*m; positions in deg) in place of core
         units (rad, mm, N*mm).
-    **options
-        As for `to_xarray`.
 
     Returns
     -------
@@ -53,12 +51,11 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: 
     Raises
     ------
     InputError
-        If pandas is not installed, no table is made of such a result, or an option is not one of its.
+        If pandas is not installed, or no table is made of such a result.
 
     Notes
     -----
-    A variable of several dimensions becomes several columns, named by the places along the others:
-    ``pin_force_0_12_x``.  What has no value along the rows stands in another table of the same result.
+    What has other dimensions stands in another table of the same result, what has several in its Dataset alone.
 
     pandas drops attrs in some operations, and in files: before writing text, put the units into the names as a run
     file has them, ``frame.rename(columns=lambda name: f"{name}[{units[name]}]" if name in units else name)``.
@@ -80,19 +77,19 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False, **options: 
     True
     """
     pandas = _library("pandas")
-    table = described(result, **options)
-    found, told = columns(table, rows=rows, display=display)
+    told = table(result)
+    found, units = columns(told, rows=rows, display=display)
     frame: DataFrame = pandas.DataFrame(found)
-    about: dict[str, Any] = {"kind": table.kind, "rverror": __version__, **table.about}
-    for name, variable in table.variables.items():
+    about: dict[str, Any] = {"kind": told.kind, "rverror": __version__, **told.about}
+    for name, variable in told.variables.items():
         if not variable.dims:
             about[name] = variable.shown(display=display).item()
-            told[name] = variable.unit_text(display=display)
-    frame.attrs.update(about | {"units": {name: unit for name, unit in told.items() if unit}})
+            units[name] = variable.unit_text(display=display)
+    frame.attrs.update(about | {"units": {name: unit for name, unit in units.items() if unit}})
     return frame
 
 
-def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
+def to_xarray(result: Any, *, display: bool = False) -> Dataset:
     """Result as a Dataset.
 
     Parameters
@@ -101,14 +98,6 @@ def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
         As for `to_pandas`.
     display : bool
         As for `to_pandas`.
-    **options
-        What a result does not hold itself.
-
-        - Run: `ratio` (Reducer, Drive, Model or float), for ``theta`` and ``transmission_error``.
-        - Model: `theta`, at which the transmission error is computed by effect in closed form, with `direction`,
-          `torque` and `time` as `transmission_error` takes them.
-        - Equilibrium: `torque` and `model`.
-        - TorsionCurve, Hysteresis: `theta`.
 
     Returns
     -------
@@ -120,7 +109,7 @@ def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
     Raises
     ------
     InputError
-        If xarray is not installed, no table is made of such a result, or an option is not one of its.
+        If xarray is not installed, or no table is made of such a result.
 
     Notes
     -----
@@ -132,27 +121,27 @@ def to_xarray(result: Any, *, display: bool = False, **options: Any) -> Dataset:
     >>> unit = rverror.Model(rverror.reducer("RV-40E"))
     >>> theta = [0.0, 0.1]
     >>> state = rverror.equilibrium(unit, theta, torque="412 N*m")
-    >>> found = rverror.to_xarray(state, torque="412 N*m", model=unit)
-    >>> found["pin_force"].dims, found["pin_force"].attrs["units"], found.attrs["model"]
-    (('disc', 'pin', 'xy', 'theta'), 'N', 'RV-40E')
+    >>> found = rverror.to_xarray(state)
+    >>> found["pin_force"].dims, found["pin_force"].attrs["units"]
+    (('disc', 'pin', 'xy', 'theta'), 'N')
     """
     xarray = _library("xarray")
-    table = described(result, **options)
+    told = table(result)
     data: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
-    for name, variable in table.variables.items():
+    for name, variable in told.variables.items():
         values = variable.shown(display=display)
         unit = variable.unit_text(display=display)
         if values.dtype.kind in "OU":
             values = np.array([_writable(text) for text in values.ravel()], dtype=str).reshape(values.shape)
-        place = coordinates if name in table.labels or name in variable.dims else data
-        place[name] = (variable.dims, values, {"units": unit} if unit else {})
+        place = coordinates if name in variable.dims else data
+        place[_writable(name).replace("/", " per ")] = (variable.dims, values, {"units": unit} if unit else {})
         if isinstance(variable.unit, Each):
             coordinates[variable.unit.name] = (
                 variable.dims[:1],
                 np.array(variable.unit.texts(display=display), dtype=str),
             )
-    about = {"kind": table.kind, "rverror": __version__, **table.about}
+    about = {"kind": told.kind, "rverror": __version__, **told.about}
     found: Dataset = xarray.Dataset(data, coordinates, {name: _attribute(value) for name, value in about.items()})
     return found
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,11 +16,12 @@ from rverror.base.units import ARCSEC
 
 @dataclass(frozen=True)
 class Unit:
-    """Core unit, unit for people, both in pint's notation, and how many of the first make one of the second."""
+    """Core unit, unit for people, both in pint's notation, how many of the first make one of the second, its zero."""
 
     core: str
     shown: str
     size: float = 1.0
+    zero: float = 0.0
 
     def text(self, *, display: bool) -> str:
         """Its name, for people or of the core."""
@@ -39,14 +39,14 @@ TORQUE = Unit("N*mm", "N*m", 1e3)
 FORCE = Unit("N", "N")
 STIFFNESS = Unit("N/mm", "N/mm")
 TIME = Unit("s", "s")
-TEMPERATURE = Unit("kelvin", "kelvin")
+TEMPERATURE = Unit("kelvin", "degC", 1.0, 273.15)
 SPEED = Unit("rad/s", "rpm", math.pi / 30)
 HERTZ = Unit("Hz", "Hz")
 HOURS = Unit("h", "h")
 VOLUME = Unit("mm**3", "mm**3")
 WATT = Unit("N*mm/s", "W", 1e3)
 
-#: Dimensions that are too long to stand side by side as columns.
+#: Dimensions that are too long to be told in a report in full.
 LONG = frozenset({"theta", "sample", "virtual_unit"})
 
 
@@ -57,6 +57,11 @@ def unit_of(dimension: str) -> Unit:
 
 
 PRESSURE = unit_of("pressure")
+
+
+def unit_for_people(unit: str) -> str:
+    """Name of a unit in a report; numbers have none."""
+    return {NUMBER.core: "", "percent": "%"}.get(unit, unit)
 
 
 @dataclass(frozen=True)
@@ -82,14 +87,11 @@ class Variable:
         Core units.
     unit : Unit or Each, optional
         None for text; the rows of an `Each` are the first dimension.
-    bare : bool
-        Whether a column that it makes is named by its place alone.
     """
 
     dims: tuple[str, ...]
     values: Any
     unit: Unit | Each | None = None
-    bare: bool = False
 
     def shown(self, *, display: bool) -> Any:
         """Values in core units, or in those for people."""
@@ -99,24 +101,17 @@ class Variable:
         if not display:
             return values
         if isinstance(self.unit, Unit):
-            return values if self.unit.size == 1 else values / self.unit.size
+            return values if self.unit.shown == self.unit.core else (values - self.unit.zero) / self.unit.size
         sizes = np.array([unit.size for unit in self.unit.units])
         return values / sizes.reshape(-1, *[1] * (values.ndim - 1))
-
-    def spreads(self, rows: str) -> bool:
-        """Whether it makes columns along one of its dimensions: not too many of them."""
-        return rows in self.dims and not LONG & set(self.dims) - {rows}
 
     def units_shown(self) -> str | list[str]:
         """Unit for people: one, or one a row where these differ; empty for text."""
         return self.unit.texts(display=True) if isinstance(self.unit, Each) else self.unit_text(display=True)
 
-    def unit_text(self, row: Any = None, *, display: bool) -> str:
-        """Unit of all values, or of one row; empty for text, and where rows differ."""
-        unit = self.unit
-        if isinstance(unit, Each):
-            unit = unit.units[row] if isinstance(row, int) else None
-        return unit.text(display=display) if unit else ""
+    def unit_text(self, *, display: bool) -> str:
+        """Unit of all values; empty for text, and where rows differ."""
+        return self.unit.text(display=display) if isinstance(self.unit, Unit) else ""
 
 
 @dataclass(frozen=True)
@@ -132,25 +127,36 @@ class Table:
         By name; one that has the name of a dimension labels it.
     about : mapping of str to str, number or mapping
         Where it comes from.
-    labels : frozenset of str
-        Variables that tell where values belong: coordinates.
+    title : tuple of str
+        What the result is of, in a few words.
+    verdict : tuple of str
+        The outcome in a sentence, and the words of it to be read first.
+    facts : mapping of str to str
+        What people read beside the variables that are single numbers.
+    sentences : tuple of str
+        To be read after the tables.
+    shown : mapping of str to sequence of str
+        Columns that people read of a dimension; all where it is not named.
     """
 
     kind: str
     rows: str
     variables: Mapping[str, Variable]
     about: Mapping[str, Any] = field(default_factory=dict)
-    labels: frozenset[str] = frozenset()
+    title: tuple[str, ...] = ()
+    verdict: tuple[str, str] = ("", "")
+    facts: Mapping[str, str] = field(default_factory=dict)
+    sentences: tuple[str, ...] = ()
+    shown: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def dims(self) -> tuple[str, ...]:
         """Every dimension that can be the rows of a table."""
-        found = (dim for variable in self.variables.values() for dim in variable.dims if variable.spreads(dim))
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys(variable.dims[0] for variable in self.variables.values() if len(variable.dims) == 1))
 
 
 def columns(table: Table, *, rows: str = "", display: bool = False) -> tuple[dict[str, Any], dict[str, str]]:
-    """Variables along one dimension as columns.
+    """Variables along one dimension alone as columns.
 
     Parameters
     ----------
@@ -166,7 +172,7 @@ def columns(table: Table, *, rows: str = "", display: bool = False) -> tuple[dic
     Raises
     ------
     InputError
-        If there is no such dimension, or two columns would have one name.
+        If there is no such dimension.
     """
     chosen = rows or table.rows
     if chosen not in table.dims:
@@ -174,30 +180,9 @@ def columns(table: Table, *, rows: str = "", display: bool = False) -> tuple[dic
     found: dict[str, Any] = {}
     told: dict[str, str] = {}
     for name, variable in table.variables.items():
-        if not variable.spreads(chosen):
-            continue
-        values = variable.shown(display=display)
-        for column, place in _places(table, name, chosen):
-            if column in found:
-                raise InputError(f"{table.kind}: two columns have the name {column!r}; rename one, or use to_xarray")
-            found[column], told[column] = values[place], variable.unit_text(place[0], display=display)
-        if isinstance(variable.unit, Each) and variable.dims[0] == chosen:
-            found[variable.unit.name.removeprefix(f"{chosen}_")] = variable.unit.texts(display=display)
+        if variable.dims == (chosen,):
+            column = name.removeprefix(f"{chosen}_")
+            found[column], told[column] = variable.shown(display=display), variable.unit_text(display=display)
+            if isinstance(variable.unit, Each):
+                found[variable.unit.name.removeprefix(f"{chosen}_")] = variable.unit.texts(display=display)
     return found, told
-
-
-def _places(table: Table, name: str, rows: str) -> Iterator[tuple[str, tuple[Any, ...]]]:
-    """Name and place of each column that a variable makes."""
-    variable = table.variables[name]
-    short = [] if variable.bare else [name.removeprefix(f"{rows}_")]
-    shape = np.shape(variable.values)
-    others = [(dim, size) for dim, size in zip(variable.dims, shape, strict=True) if dim != rows]
-    for chosen in itertools.product(*(range(size) for _, size in others)):
-        at = iter(chosen)
-        place = tuple(slice(None) if dim == rows else next(at) for dim in variable.dims)
-        words = [str(_label(table, dim, i)) for (dim, _), i in zip(others, chosen, strict=True)]
-        yield "_".join([*short, *words]), place
-
-
-def _label(table: Table, dim: str, at: int) -> Any:
-    return np.asarray(table.variables[dim].values)[at] if dim in table.variables else at
