@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import rverror
 from recordings import bench
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Diagnosis
-from rverror.views.report import to_text
 
 
 @pytest.fixture(scope="module")
@@ -94,20 +92,6 @@ def test_order_outside_the_catalogue_stays_unexplained(diagnosed: Any) -> None:
     assert line.low < math.hypot(1.9, 1.1) * ARCSEC < line.high
     assert line.cos / ARCSEC == pytest.approx(1.9, abs=0.05)
     assert line.sin / ARCSEC == pytest.approx(1.1, abs=0.05)
-
-
-def test_the_unexplained_order_is_printed_as_an_effect_that_takes_it_off(diagnosed: Any, tmp_path: Path) -> None:
-    found = diagnosed(6)
-    text = to_text(found).splitlines()
-    first = text.index("  [[effect]]")
-    model = (bench("train-6") / "model.toml").read_text(encoding="utf-8")
-    file = tmp_path / "with.toml"
-    file.write_text(model + "\n" + "\n".join(text[first : first + 6]) + "\n", encoding="utf-8")
-    theta = np.linspace(0, 6, 50)
-    more = rverror.transmission_error(rverror.load_model(file), theta)
-    less = rverror.transmission_error(rverror.load_model(bench("train-6") / "model.toml"), theta)
-    wave = (1.9 * np.cos(36 * theta) + 1.1 * np.sin(36 * theta)) * ARCSEC
-    np.testing.assert_allclose(more - less, wave, rtol=0, atol=0.1 * ARCSEC)
 
 
 def test_the_wave_of_a_line_counts_from_the_zero_of_the_bench() -> None:
