@@ -202,9 +202,9 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     assert told["variables"]["own_unit"]["values"] == ["u7"]
     assert told["variables"]["order"]["values"] == [one.order for one in found.orders]
     assert "<h2>Pair</h2>" in Path("lot.html").read_text("utf-8")
-    assert main([*words, "--compress", "lot.npz"]) == 0
+    assert main([*words, "--compress", "lot.jsonl"]) == 0
     capsys.readouterr()
-    assert main(["lot", "lot.npz", "--model", "lot/drive.toml"]) == 0
+    assert main(["lot", "lot.jsonl", "--model", "lot/drive.toml"]) == 0
     assert capsys.readouterr().out.splitlines()[1] == printed.splitlines()[1]
     for option in ("--save", "--tolerances"):
         assert main([*words, option, "x.toml"]) == 2
