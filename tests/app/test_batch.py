@@ -157,6 +157,22 @@ def test_a_moved_folder_is_not_done_again(plant: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("folder", "page", "words"),
+    [
+        ("a-idler", "a-idler.html", "no batch has written this file"),
+        ("summary", "", "the overview and a unit's page have one name"),
+    ],
+)
+def test_pages_replace_no_other_file(plant: Path, folder: str, page: str, words: str) -> None:
+    (plant / "a-idler").rename(plant / folder)
+    (plant.parent / "out").mkdir()
+    if page:
+        (plant.parent / "out" / page).write_text("<p>mine</p>", encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        done(plant, pages=True)
+
+
+@pytest.mark.parametrize(
     "change",
     [
         lambda data: json.dumps({**data, "version": "0.0.9"}),
@@ -311,6 +327,7 @@ def test_a_page_that_cannot_be_made_is_told(plant: Path, monkeypatch: pytest.Mon
         ("plant", "plant/a-idler/deep", "folder of unit a-idler"),
         ("plant", "plant/a-idler/model.toml", "folder of unit a-idler"),
         ("plant", "taken", "taken: cannot make the folder"),
+        ("plant", "foreign", "no batch has written this file"),
     ],
 )
 def test_refused_before_any_work(
@@ -318,6 +335,8 @@ def test_refused_before_any_work(
 ) -> None:
     monkeypatch.chdir(plant.parent)
     Path("taken").write_text("a file", encoding="utf-8")
+    Path("foreign").mkdir()
+    Path("foreign/summary.csv").write_text("year,sales\n", encoding="utf-8")
     before = sorted(plant.parent.rglob("*"))
     with Counting() as executor, pytest.raises(InputError, match=words):
         diagnose_folder(folder, out=out, executor=executor)

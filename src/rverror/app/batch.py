@@ -194,11 +194,14 @@ def diagnose_folder(
         if target.resolve().is_relative_to(unit.folder.resolve()):
             raise InputError(f"{out}: the results would lie in the folder of unit {unit.name}; choose another folder")
     make_folder(target, "choose another")
+    _check_nothing_is_lost(target, units)
     for note in notes:
         tell(note)
 
     outcomes = {unit.name: outcome for unit in units if (outcome := _earlier(unit)) is not None}
     todo = [unit for unit in units if unit.name not in outcomes]
+    if replaced := sum(os.path.lexists(unit.result) for unit in todo):
+        tell(f"{replaced} of {len(units)} units: earlier results, of other inputs or another version, are replaced")
     if outcomes:
         tell(f"{len(outcomes)} of {len(units)} units: results of the same inputs and version are there and kept")
     if todo:
@@ -234,7 +237,7 @@ def _units(
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or SUMMARY in names
+            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_of_batch(path / SUMMARY, COLUMNS))
             own = str(path / MODEL) if MODEL in names else model
             if MODEL in names or (own and runs and not results):
                 page = out / f"{path.name}.html" if pages else None
@@ -247,6 +250,21 @@ def _units(
         what = f"no subfolder holds a {MODEL}" + ("" if model is None else ", nor any run")
         raise InputError(f"{root}: {what}; give a folder with one subfolder for each unit")
     return tuple(found), tuple(notes)
+
+
+def _check_nothing_is_lost(out: Path, units: Sequence[_Unit]) -> None:
+    """Refuse to write over what no batch has written."""
+    pages = [unit.page for unit in units if unit.page is not None]
+    if out / OVERVIEW in pages:
+        raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
+    marks = {out / SUMMARY: COLUMNS} | dict.fromkeys([*pages, out / OVERVIEW] if pages else [], "<title>rverror")
+    for path, mark in marks.items():
+        if os.path.lexists(path) and not _is_of_batch(path, mark):
+            raise InputError(f"{path}: no batch has written this file; rename it or choose another folder")
+
+
+def _is_of_batch(path: Path, mark: str) -> bool:
+    return mark in read_text(path)
 
 
 def _earlier(unit: _Unit) -> UnitOutcome | None:
