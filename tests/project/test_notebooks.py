@@ -299,6 +299,7 @@ def tolerance_allocation(p: Played, says: Prose) -> None:
             above = [item.cost.cost(width) - item.cost.base for width in (item.width, item.width / 2)]
             assert above[1] == pytest.approx(times * above[0])
     says("The result is checked by 32768 units")
+    says("the interval of their yield has to lie above 99 %")
     assert found.closed_form.high <= 1.01 * limit
     assert found.verified is None
     says("1024 angles of a turn")
