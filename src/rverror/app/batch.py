@@ -37,6 +37,7 @@ SUMMARY = "summary.csv"
 OVERVIEW = "summary.html"
 COLUMNS = "unit,state,verdict,keys,heldout_rms_before,heldout_rms_after,rms_unit,seconds,error"
 
+_OWN_SUMMARY, _OWN_PAGE = "unit,state,", "<title>rverror"  # what files of any version hold
 _MOST_WORKERS = 61  # a limit of Windows
 
 Progress = Callable[[str], None]
@@ -237,7 +238,7 @@ def _units(
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_of_batch(path / SUMMARY, COLUMNS))
+            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_of_batch(path / SUMMARY, _OWN_SUMMARY))
             own = str(path / MODEL) if MODEL in names else model
             if MODEL in names or (own and runs and not results):
                 page = out / f"{path.name}.html" if pages else None
@@ -257,7 +258,7 @@ def _check_nothing_is_lost(out: Path, units: Sequence[_Unit]) -> None:
     pages = [unit.page for unit in units if unit.page is not None]
     if out / OVERVIEW in pages:
         raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
-    marks = {out / SUMMARY: COLUMNS} | dict.fromkeys([*pages, out / OVERVIEW] if pages else [], "<title>rverror")
+    marks = {out / SUMMARY: _OWN_SUMMARY} | dict.fromkeys([*pages, out / OVERVIEW] if pages else [], _OWN_PAGE)
     for path, mark in marks.items():
         if os.path.lexists(path) and not _is_of_batch(path, mark):
             raise InputError(f"{path}: no batch has written this file; rename it or choose another folder")
