@@ -238,7 +238,9 @@ def _units(
             names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or (SUMMARY in names and _is_of_batch(path / SUMMARY, _OWN_SUMMARY))
+            results = path.resolve() == out.resolve() or (
+                SUMMARY in names and _is_of_batch(path / SUMMARY, _OWN_SUMMARY)
+            )
             own = str(path / MODEL) if MODEL in names else model
             if MODEL in names or (own and runs and not results):
                 page = out / f"{path.name}.html" if pages else None
