@@ -130,7 +130,6 @@ def test_two_missing_effects_of_different_frames_are_both_found() -> None:
     ]
     assert found.added[0].estimates[0].value == pytest.approx(8 * ARCSEC, abs=0.15 * ARCSEC)
     assert found.added[1].estimates[1].value == pytest.approx(-6 * ARCSEC, abs=0.15 * ARCSEC)
-    assert found.added[0].heldout_rms > found.added[1].heldout_rms
     assert found.before.heldout_rms / ARCSEC == pytest.approx(math.sqrt(8**2 / 2 + 6**2 / 2 + 1), rel=0.03)
 
 

@@ -478,7 +478,7 @@ def test_speeds_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     [
         (["--from", "5 rpm", "--to", "5 rpm"], "speeds must grow"),
         (["--from", "5", "--to", "9 rpm"], "--from: '5' has no unit; write it like '100 rpm'"),
-        (["--from", "5 rpm", "--to", "9 rpm", "--count", "1"], "give 2 speeds or more"),
+        (["--from", "5 rpm", "--to", "9 rpm", "--count", "1"], "--count: 1 is below 2; give 2 or more"),
     ],
 )
 def test_spans_that_are_none_are_refused(

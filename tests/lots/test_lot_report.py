@@ -91,7 +91,6 @@ def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:
     assert data["predicted"]["condition"] == "reverse at 20 N*m"
     assert (data["predicted"]["mean_arcsec"], data["predicted"]["p95_arcsec"]) == (32.0, 54.0)
     variables = data["variables"]
-    assert (variables["least_difference"]["values"][0], variables["least_error"]["values"][0]) == (3.0, 17.0)
     assert variables["condition"]["values"] == list(lot().conditions)
     assert [each[1] for each in variables["measured"]["values"]] == pytest.approx([3.5, 1.5, 2.5])
     assert to_json(EMPTY)["predicted"] is None

@@ -346,6 +346,10 @@ def test_influence_on_compliant_bearings_is_that_of_the_oracle(
     motion, forces, differences = compliant(name, sense)
     key, indices = case[0], on(motion.reducer, case[1])
     found, size = (find(motion, forces, key, indices) for find in (source_matrix, uncancelled))
+    if not size.any():  # as a tilt of the pins on a single disc: nothing but the oracle's rounding to compare with
+        assert not found.any()
+        assert np.abs(differences[repr(case)]).max() < 1e-6
+        return
     assert_close(found, differences[repr(case)], size=size, limit=2e-3, what=str(case))
 
 
@@ -419,7 +423,7 @@ def test_orders_of_one_disc_under_load() -> None:
             orders, lines = orders_of(motion.theta, source_matrix(motion, forces, key, indices))
             strongest = orders[np.argsort(-lines)]
             if not claimed:
-                assert lines.max() < 1e-8 * uncancelled(motion, forces, key, indices).max(), (key, indices)
+                assert lines.max() <= 1e-8 * uncancelled(motion, forces, key, indices).max(), (key, indices)
             elif isinstance(parts(motion, key, indices)[0], Clearance):
                 np.testing.assert_allclose(strongest[:2], [2 * claimed[0], claimed[0]], rtol=1e-9, err_msg=key)
             else:

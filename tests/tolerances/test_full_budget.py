@@ -227,7 +227,7 @@ def test_allocate_command_saves_a_file_that_meets_the_limit(
         capsys,
     )
     assert code == 0
-    assert "least cost for worst-case peak-to-peak within 60 arcsec" in text
+    assert "least cost for the worst-case peak-to-peak within 60 arcsec" in text
     content = json.loads(out.read_text(encoding="utf-8"))
     assert content["variables"]["used"]["values"][1] == pytest.approx(1, rel=1e-4)
     saved = rverror.load_tolerances(new)

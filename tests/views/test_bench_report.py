@@ -13,7 +13,7 @@ import rverror
 from every_kind import compensation, diagnosis
 from rverror import ARCSEC, Diagnosis, to_html, to_json, to_text
 from rverror.diagnosis.order_passport import passport
-from rverror.diagnosis.result import Validation
+from rverror.diagnosis.result import OrderShare, Validation
 from rverror.runs.order_table import OrderCase, TableCondition
 from rverror.views.passport_report import passport_json, passports
 
@@ -63,7 +63,7 @@ def test_nothing_is_shown_where_nothing_is_stated() -> None:
 
 def test_of_an_order_table_no_peak_to_peak_is_uncertain_by_a_number() -> None:
     """Orders that it does not hold are not known, so its sum of waves is no waveform of the bench's."""
-    table = found(conditions=(TableCondition(direction=1.0),))
+    table = found(shares=(OrderShare(1.0, ARCSEC, 0.1, 0.2, 0.6, 0.1, 0.0),))
     stated = to_json(table)["bench_uncertainty"]
     assert stated["peak_to_peak_arcsec"] is None
     assert stated["rms_arcsec"] == pytest.approx(RMS, abs=5e-4)

@@ -87,7 +87,7 @@ def test_an_allocation_page_tells_which_limit_binds(written: Path) -> None:
     assert data["variables"]["held_by"]["values"] == ["limit", "grade", "lower bound", "fixed"]
     assert data["variables"]["used"]["values"][1] == pytest.approx(1)
     assert data["variables"]["limit"]["values"] == pytest.approx(60)
-    assert "least cost for worst-case peak-to-peak within 60 arcsec" in page
+    assert "least cost for the worst-case peak-to-peak within 60 arcsec" in page
     assert "The limit holds some widths" in page
     for held in ("limit", "grade", "3 um", "lower bound", "fixed"):
         assert f"<td>{held}</td>" in page

@@ -73,7 +73,7 @@ class Addition:
     orders : tuple of float
         Where its waveform shows, the strongest first.
     heldout_rms : float
-        Of the residual of stretches left out, rad: of a reducer with all that was added, of a drive once it was added.
+        Of the residual of stretches left out, with all that was added, rad.
     notes : tuple of str
         Sizes that no workshop makes or that the runs do not tell, and the like.
     """

@@ -168,10 +168,11 @@ def bench_uncertainty(ratio: float, **encoders: Any) -> BenchUncertainty:
 
     Examples
     --------
+    >>> from rverror.base.units import ARCSEC
     >>> found = bench_uncertainty(121, output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
-    >>> round(found.expanded / units.ARCSEC, 2), round(found.of("peak_to_peak") / units.ARCSEC, 2)
+    >>> round(found.expanded / ARCSEC, 2), round(found.of("peak_to_peak") / ARCSEC, 2)
     (1.43, 2.86)
-    >>> round(found.of_order(1) / units.ARCSEC, 2), found.of_order(11.3)
+    >>> round(found.of_order(1) / ARCSEC, 2), found.of_order(11.3)
     (1.82, 0.0)
     """
     return uncertainty_of(Encoders(**encoders), ratio) or BenchUncertainty(parts=())

@@ -350,7 +350,7 @@ def test_a_table_goes_from_the_command_line_to_its_page(tmp_path: Path, capsys: 
     assert data["validation"][0]["file"] == str(unseen)
     assert data["validation"][0]["after"]["rms_arcsec"] < 0.1 * data["validation"][0]["before"]["rms_arcsec"]
     text = capsys.readouterr().out
-    assert text.index(HEAD.key) < text.index("Measurements that no fit saw") < text.index("per 1000 N*m")
+    assert text.index(HEAD.key) < text.index("Measurements that no fit saw") < text.index("with load")
     html = page.read_text(encoding="utf-8")
     assert html.index("Measurements that no fit saw") < html.index("What accounts for the power of each order")
     assert main(["diagnose", str(model), str(seen), "--validate", str(seen)]) == 2

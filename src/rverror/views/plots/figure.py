@@ -203,10 +203,10 @@ def letters(ax: Axes, size: float | str) -> int:
 
 def titled(ax: Axes, *parts: str) -> None:
     """Title made of parts, with commas between them, in as many lines as the axes' room asks for."""
-    from matplotlib.ticker import FixedFormatter
+    from matplotlib.ticker import FixedLocator
 
-    rows = ax.yaxis.get_major_formatter()
-    names = max(map(len, rows.seq), default=0) if isinstance(rows, FixedFormatter) else 0  # stand left of the title
+    named = isinstance(ax.yaxis.get_major_locator(), FixedLocator)  # names of rows stand left of the title
+    names = max((len(label.get_text()) for label in ax.get_yticklabels()), default=0) if named else 0
     text = textwrap.fill(", ".join(filter(None, parts)), max(letters(ax, "large") - names, 1))
     ax.set_title(text, x=0.0, ha="left")
 

@@ -87,7 +87,8 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
 def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Kind and options of each plot that shows a result, one for each of its first runs."""
     own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
-    runs = len(getattr(result, "traces", getattr(result, "conditions", ())))
+    of_runs = getattr(result, "traces", getattr(result, "conditions", ()))
+    runs = len(of_runs) if isinstance(of_runs, tuple) else 0
     for kind in _KINDS.get(type(result), tuple(own)[:1]):
         taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}
