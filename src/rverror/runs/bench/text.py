@@ -421,6 +421,8 @@ def _decimal(
     """Decimal sign, and a note where that was found and not stated."""
     if rules.decimal:
         return rules.decimal, []
+    if separator == "," and not any("," in cell for cells in table for cell in cells):  # nothing is left to be found
+        return ".", []
     where = [(row, place) for row, cells in enumerate(table) for place in used if place < len(cells)]
     found = found_decimal((table[row][place] for row, place in where), point_is_decimal=separator == ",")
     if isinstance(found, Undecided):
@@ -440,4 +442,9 @@ def _column(cells: Sequence[str], decimal: str) -> RawArray:
     if seconds_of_day(next(filter(None, cells), "")) is not None:
         nanoseconds = [None if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
         return np.array(["NaT" if each is None else each for each in nanoseconds], dtype="timedelta64[ns]")
+    if decimal == "." and "_" not in "".join(cells):  # which Python reads over
+        try:
+            return np.array(cells, dtype=np.float64)
+        except ValueError:  # some cell is no number
+            pass
     return np.array([number_in(cell, decimal) for cell in cells], dtype=np.float64)  # None is NaN
