@@ -35,6 +35,7 @@ from real_bench.judging import OUTSIDE, causes, loud, named_sets, outcome, sizes
 from real_bench.units import FAMILIES, choose, make  # noqa: E402
 
 import rverror  # noqa: E402
+from rverror.base.memory import keep_freed_memory  # noqa: E402
 from rverror.diagnosis.policy import POLICY, Policy  # noqa: E402
 
 OUTCOMES = ("right", "false", "wrong", "wide", "missed", "line", "poor", "failed")
@@ -186,7 +187,7 @@ def main() -> None:
         folders = sorted(path.parent for path in options.folder.glob("*/truth.json"))
         units = {str(path): None for path in folders if not options.names or path.name in options.names}
     rows = []
-    with ProcessPoolExecutor(options.jobs) as executor:
+    with ProcessPoolExecutor(options.jobs, initializer=keep_freed_memory) as executor:
         limit = options.at_most
         waiting = [executor.submit(trial, folder, draw, policy, limit) for folder, draw in units.items()]
         for done in as_completed(waiting):

@@ -13,6 +13,10 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # 
 import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 
+from rverror.base.memory import keep_freed_memory  # noqa: E402
+
+keep_freed_memory()  # as the command does: one second in thirty
+
 # no deadline on shared machines, the same examples every time in continuous integration
 # speed is no test: a busy machine is no failure
 _ANY_SPEED = [HealthCheck.too_slow]

@@ -19,6 +19,7 @@ from urllib.parse import quote
 
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
+from rverror.base.memory import keep_freed_memory
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
@@ -435,6 +436,7 @@ def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
 def _begin_work() -> None:
     """Begin a worker; an interrupt is for the parent, which ends the workers: each would print a traceback."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from typing import NoReturn
 
 from rverror.app.terminal import add_commands
 from rverror.base.errors import InputError
+from rverror.base.memory import keep_freed_memory
 from rverror.base.version import __version__
 from rverror.statics.loaded_state import NotConvergedError
 
@@ -57,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else arguments
     options = parser_of(words[0] if words else "").parse_args(words)
+    if arguments is None:  # the process is the command's own
+        keep_freed_memory()
     if isinstance(sys.stdout, io.TextIOWrapper):  # a console of few characters shows the others as escapes
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
