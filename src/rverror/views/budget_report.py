@@ -142,8 +142,8 @@ def _told(result: ErrorBudget, limit: Any | None) -> Table:
     shown = [*_SHOWN]
     if result.indices is not None:
         waves = [closed.contributions[at].effect == "wave" for at in order]
+        shown += ["sobol_total", "sobol_total_interval"]
         for which in ("first", "total"):
-            shown += [f"sobol_{which}", f"sobol_{which}_interval"]
             variables |= _sobol(f"sobol_{which}", result.indices, which, order, waves)
     about = {"model": name_of(result.model), "direction": way(result.direction)}
     speed = result.stack.speed
