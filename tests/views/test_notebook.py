@@ -286,7 +286,7 @@ def test_a_budget_has_the_largest_share_first() -> None:
     found = every_kind()["ErrorBudget"][0].indices
     at = [entry.label for entry in every_kind()["ErrorBudget"][0].closed.contributions].index("crank.eccentricity")
     column = next(t[0] for t in read(every_kind()["ErrorBudget"][0]).tables if t[0][0] == "tolerance").index(
-        "sobol total"
+        "Sobol total"
     )
     assert float(rows[0][column]) == pytest.approx(found.total[at], rel=0.02)
 

@@ -312,7 +312,7 @@ def test_text_says_what_the_runs_tell_of_stiffness_and_names_the_rest() -> None:
     lines = to_text(diagnosis()).splitlines()
     at = lines.index("Stiffness, backlash and contact law")
     assert [line.split() for line in lines[at + 2 : at + 6]] == [
-        ["name", "declared", "unit", "value", "interval", "told"],
+        ["name", "declared", "unit", "value", "interval", "determined"],
         ["pin_contact", "250000", "N/mm", "225000", "200000", "to", "250000", "yes"],
         ["crank_bearing", "300000", "N/mm", "310000", "200000", "to", "400000", "no"],
         ["gear_backlash", "20", "um", "31", "29", "to", "33", "yes"],

@@ -151,4 +151,10 @@ def _is_known(value: Any) -> bool:
 
 
 def _words(name: str) -> str:
-    return name.replace("peak_to_peak", "peak-to-peak").replace("_", " ")
+    for written, spoken in _SPOKEN.items():
+        name = name.replace(written, spoken)
+    return name.replace("_", " ")
+
+
+#: Parts of names that people write otherwise.
+_SPOKEN = {"peak_to_peak": "peak-to-peak", "heldout": "held-out", "sobol": "Sobol", "told": "determined"}
