@@ -116,7 +116,7 @@ def test_text_and_progress_of_a_budget_at_the_load(written: Path) -> None:
     assert "Low to high: the 95 % interval of the Monte Carlo estimate" in text
     page = rverror.to_html(found, limit=20 * ARCSEC)
     assert "transmission error at 412 N*m" in page
-    assert "sobol total, transmission error at 412 N*m" in page
+    assert "Sobol total, transmission error at 412 N*m" in page
 
 
 def test_what_does_not_move_has_no_share() -> None:
