@@ -20,6 +20,7 @@ from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
 from rverror.tolerances.loaded_yield import standard_draws
+from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack, stack
 
@@ -181,13 +182,13 @@ def test_yield_of_one_order_in_closed_form(level):
     costs = [Reciprocal(float(p), 1.0) for p in PRICES]
     found = allocate(buying(one_order(), costs), limit=limit, level=level, verify=2**15)
     true = rayleigh_quantile(found.widths, level)
-    assert limit * 0.95 < true <= limit
+    assert limit * 0.96 < true <= limit
     assert found.closed_form.low <= true <= found.closed_form.high
     best = (PRICES / SIZES**2) ** (1 / 3)
     best *= true / rayleigh_quantile(best, level)  # with the same true quantile
-    assert total(costs, best) <= found.cost <= total(costs, best) * 1.01
+    assert total(costs, best) <= found.cost <= total(costs, best) * 1.002
     # all costs go as one over the limit: a price in closed form
-    assert found.shadow_price == pytest.approx(found.cost / 100, rel=0.02)
+    assert found.shadow_price == pytest.approx(found.cost / 100, rel=2e-3)
 
 
 # --- what is limited ---------------------------------------------------------------------------------------------
@@ -293,7 +294,7 @@ def test_yield_against_a_convex_solver_for_the_units_at_the_limit(seed):
     problem = cp.Problem(cp.Minimize(sum(spent)), within)
     problem.solve(solver="CLARABEL")
     base = sum(cost.base for cost in costs)
-    assert found.cost == pytest.approx(problem.value + base, rel=3e-2)
+    assert found.cost == pytest.approx(problem.value + base, rel=1e-3)
 
 
 # --- enumeration -------------------------------------------------------------------------------------------------
@@ -352,7 +353,7 @@ def test_many_grades_at_a_yield():
     for e in range(10):
         wider = [w for w in table.widths if w > widths[e]]
         if wider:
-            assert made(np.where(np.arange(10) == e, wider[0], widths)) > 4.0 * 0.93
+            assert made(np.where(np.arange(10) == e, wider[0], widths)) > 4.0 * 0.97
 
 
 # --- never above the limit ---------------------------------------------------------------------------------------
@@ -368,7 +369,12 @@ def test_never_above_the_limit(seed, share):
     assert found.used <= 1
     assert quantile_of(given, np.array(found.widths)) <= limit
     if share == 0.0 and any(w < 9.9 * g for w, g in zip(found.widths, given.width, strict=True)):
-        assert found.used > 0.93  # little is given away either
+        # no more is given away than a verification asks for: two standard deviations of its bad units, and its chance
+        units = QUICK["verify"]
+        bad = max(n for n in range(100) if share_interval(units - n, units, 0.975)[0] >= 0.99)
+        draws = given.standard(np.random.default_rng(91).random((2**17, given.dimensions)))
+        beyond = np.ptp(draws @ given.scaled(np.array(found.widths)) + given.nominal, axis=1) > limit
+        assert beyond.mean() * units > bad - 4 * math.sqrt(bad)
 
 
 # --- prices ------------------------------------------------------------------------------------------------------
@@ -398,7 +404,7 @@ def test_shadow_price_of_a_yield_is_a_difference(nominal):
     below, here, above = (
         point.allocation for point in cost_front(buying(given, costs), [0.96 * limit, limit, 1.04 * limit], **QUICK)
     )
-    assert here.shadow_price == pytest.approx((below.cost - above.cost) / 8, rel=0.1)
+    assert here.shadow_price == pytest.approx((below.cost - above.cost) / 8, rel=0.03)
 
 
 @pytest.mark.parametrize("kind", ["worst", "yield"])
@@ -416,7 +422,7 @@ def test_rates_are_differences_at_the_widths_as_given(kind):
             return limited(given, widths)
         return np.sort(np.ptp(draws @ given.scaled(widths) + given.nominal, axis=1))[-655:-131].mean()
 
-    h, within = (1e-2, 0.15) if kind == "yield" else (1e-6, 1e-6)
+    h, within = (1e-2, 0.04) if kind == "yield" else (1e-6, 1e-6)
     found_changes, changes = [], []
     for e, rate in enumerate(found.rates):
         up, down = (np.where(np.arange(given.width.size) == e, 1 + s * h, 1.0) * given.width for s in (1, -1))

@@ -25,7 +25,7 @@ from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.width_search import UnreachableError, WidthSearch, idle_entries
 
 #: Units on which a yield is optimised: at the load, and in closed form.
-SAMPLE, CLOSED_SAMPLE = 384, 2**12
+SAMPLE, CLOSED_SAMPLE = 384, 2**14
 
 
 @renamed(speed="input_speed")

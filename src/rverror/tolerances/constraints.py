@@ -5,6 +5,7 @@ Pages ``theory/allocation.md`` and ``theory/at-the-load.md``.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,6 +26,8 @@ LOST = 1e3
 #: Relative change of the cost at which rounds of linear forms end.
 SETTLED = 0.02
 
+_BAND = 4.0  # shares of units beyond a quantile, over and under, between which units count for its smoothed mean
+_KNOWN = 64  # units beyond a quantile from which the sample tells it: their number is then known to an eighth
 _MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
 
 
@@ -94,8 +97,9 @@ class WorstPeakToPeak(Constraint):
 class SampleQuantile(Constraint):
     """Share of its limits that a unit uses: its quantiles over a sample, about the widths at which it was solved.
 
-    Each turn of a unit is a linear row in the widths.  A quantile is that of a normal distribution through the mean of
-    the units in the middle and of those in the tail: a sample knows these two well, and its own extremes badly.
+    Each turn of a unit is a linear row in the widths.  A quantile is the mean of the units around it; where few are
+    beyond, that of a normal distribution through the mean of the units in the middle and of those in the tail: a small
+    sample knows these two well, and its own extremes badly.
 
     Attributes
     ----------
@@ -139,6 +143,10 @@ class SampleQuantile(Constraint):
         """Weight of each unit of the sample, from the one that uses least, in the quantile."""
         count = self.offsets.shape[2]
         rank = (np.arange(count) + 0.5) / count
+        if (1 - self.level) * count >= _KNOWN:
+            distance = np.abs(np.log((1 - rank) / (1 - self.level)))
+            taper = np.maximum(0.0, 1 - distance / math.log(_BAND))
+            return np.asarray(taper / taper.sum())
         score = scipy.special.ndtri(rank)
         bands = [((rank > first) & (rank < last)) for first, last in (_MIDDLE, _TAIL)]
         middle, tail = (band / band.sum() for band in bands)
