@@ -220,9 +220,9 @@ place.cleanup()
 # The model file [rv-81](../../examples/rv-81/model.toml) is a reducer of ratio 81 that Bilancia et al. measured (2025,
 # 10.1016/j.rcim.2024.102838). Its table is not in the repository; what
 # the steps above give on it stands in [from a table of orders to named causes](../../docs/theory/order-tables.md).
-# Measured waves of 5.5 arcsec rms, order 1 aside, become 2.55 with the causes and 0.68 with the laws beside them.
-# Order 1, 61.4 arcsec, is one cause with two numbers. Of the power of the other orders causes make 78 %
-# and laws 20 %: a real unit leaves more open than the small one here.
+# Measured waves of 5.5 arcsec rms, order 1 aside, become 2.71 with the causes and 0.67 with the laws beside them.
+# Order 1, 61.4 arcsec, is one cause with two numbers. Of the power of the other orders causes make 75 %
+# and laws 23 %: a real unit leaves more open than the small one here.
 #
 # ## What to try next
 #

@@ -119,15 +119,7 @@ class Linear:
     @cached_property
     def measured(self) -> Array:
         """Squares of what is measured of each order, shape (n,)."""
-        return self.beyond(())
-
-    def beyond(self, blocks: Sequence[Columns]) -> Array:
-        """Squares of what is measured of each order and no sizes of some blocks make, shape (n,)."""
-        measured = np.concatenate([s.whiten(s.measured) for s in self.bench.sights])
-        if blocks:
-            rows = np.concatenate([np.concatenate(block.rows, axis=1) for block in blocks])
-            measured = measured - rows.T @ np.linalg.lstsq(rows.T, measured, rcond=None)[0]
-        return self.bench.by_order(self._of_cases(measured**2))
+        return self.bench.by_order(sight.whiten(sight.measured) ** 2 for sight in self.bench.sights)
 
     @cached_property
     def left_out(self) -> list[Array]:
@@ -301,14 +293,11 @@ def _takes(state: Linear, block: Columns, beyond: Flags) -> bool:
     Of what changes with the load alone where the block does nothing without one: a constant of another cause is no
     reason against it.
     """
-    measured = state.measured
     if "torque" in source(block.name[0]).needs:
-        constants = _constants(state)
-        state = replace(state, blocks=(*state.blocks, *constants))
-        measured = state.beyond(constants)
+        state = replace(state, blocks=(*state.blocks, *_constants(state)))
     before, after = state.squares, state.beside(block).squares
     policy = state.bench.policy
-    much = before - after > policy.claim_counts * measured
+    much = before - after > policy.claim_counts * state.measured
     return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
