@@ -220,7 +220,7 @@ def test_a_long_trace_keeps_its_peaks_and_its_file_stays_small() -> None:
         whole, drawn = (np.zeros(COLUMNS) for _ in range(2))
         edge.at(whole, column, error)
         edge.at(drawn, kept, y)
-        assert np.isclose(drawn, whole, atol=0.5).mean() > 0.9  # but for samples on the border of two
+        assert np.isclose(drawn, whole, atol=1e-6).mean() > 0.99  # but for samples on the border of two
     assert len(svg_element(ax.figure)) < 150_000
     assert len(svg_element(run.plot(kind="spectrum", ratio=UNIT, highest=5000).figure)) < 800_000
 

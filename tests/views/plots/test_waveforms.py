@@ -104,7 +104,7 @@ def test_polar_draws_the_error_about_its_mean() -> None:
     (base,) = [text for text in legend(ax) if text.startswith("base circle")]
     stated = re.search(r"mean, (\S+) arcsec", base)
     assert stated
-    assert float(stated[1]) == pytest.approx(error.mean(), rel=5e-3)
+    assert float(stated[1]) == pytest.approx(error.mean(), rel=1e-3)
     assert (line(ax, base)[1] == 0).all()
 
 

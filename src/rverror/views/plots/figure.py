@@ -34,6 +34,7 @@ ORDER = "order, per output turn"
 
 #: Columns of points of the widest figure as a file: two points in each are all that a line can show there.
 COLUMNS = 1200
+_PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
 _DECADES = 3.0  # of the colours of a map, down from the largest
 _LETTER = 0.55  # of the size of a font, the width of its letters in the mean
@@ -232,7 +233,7 @@ def labelled(
 
 
 def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Samples that show what lines of many look like: the lowest and highest of each line in each part of the trace.
+    """Samples that show what lines of many look like: the lowest and highest of each line in each column.
 
     Parameters
     ----------
@@ -240,7 +241,7 @@ def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[i
         Not a number where the lines are broken.
     rows : sequence of ndarray, shape (n,)
     columns : int
-        Parts of the trace.
+        Over the span of x.
 
     Returns
     -------
@@ -250,8 +251,12 @@ def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[i
     n = x.size
     if n <= 2 * columns:
         return np.arange(n)
+    low, high = float(np.nanmin(x)), float(np.nanmax(x))
     breaks = np.flatnonzero(np.isnan(x))
-    column = np.arange(n) * columns // n
+    at = np.floor(np.nan_to_num((x - low) / (high - low or 1.0), nan=-1.0) * columns)
+    column = np.cumsum(np.diff(at, prepend=at[:1]) != 0)
+    if column[-1] > _PASSES * columns:  # to and fro on the spot: no columns, so parts of the trace
+        column = np.arange(n) * columns // n
     kept = [np.array([0, n - 1]), breaks, breaks[breaks > 0] - 1, breaks[breaks < n - 1] + 1]
     for row in rows:
         order = np.lexsort((np.where(np.isnan(row), np.nanmedian(row), row), column))
@@ -272,7 +277,7 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     Returns
     -------
     tuple of ndarray
-        x and the rows: the lowest and the highest of each row in each part of the trace, so that no peak is lost.
+        x and the rows: the lowest and the highest of each row in each column of points, so that no peak is lost.
 
     Examples
     --------

@@ -235,9 +235,9 @@ def _contact_arrows(
 ) -> float:
     """Draw arrows of contacts to one scale, those of a disc in its colour; what a mm of them is, 0 without any."""
     longest = max(float(np.linalg.norm(of, axis=-1).max(initial=0.0)) for of in vectors.values())
-    size = longest / (_LONGEST * unit.pin_circle_radius)
     if not longest:
         return 0.0
+    size = _round_up(_KEY * longest / (_LONGEST * unit.pin_circle_radius)) / _KEY
     for key, of in vectors.items():
         at, what = where.contact[key], f"{key} {'error' if error else 'force'}"
         parts = [(f"{what}, disc {k}", k) for k in discs] if key in ("pin", "cam") else [(what, None)]
@@ -246,6 +246,12 @@ def _contact_arrows(
             colour = style.VERMILLION if error else _colour(k)
             _arrows(ax, at[chosen], of[chosen] / size, colour=colour, hollow=error, gid=name)
     return size
+
+
+def _round_up(size: float) -> float:
+    """The next 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(size))
+    return next(f * power for f in (1, 2, 5, 10) if f * power >= size * (1 - 1e-9))
 
 
 def _colour(disc: int | None) -> str:

@@ -215,7 +215,7 @@ def model_polar(
     reach = 1.05 * span_of(float(np.abs(total - mean).max()))
     ax.plot(*for_drawing(parts.theta, total - mean), lw=0.9, color=style.BLUE, label="total")
     circle = np.linspace(0, _TURN, 361)
-    base = f"base circle: mean, {brief(mean, 3)} {shown_unit('angle')}"
+    base = f"base circle: mean, {brief(mean, 4)} {shown_unit('angle')}"
     ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=style.DASHED, label=base)
     ax.set_rlim(-reach, reach)  # type: ignore[attr-defined]
     ends = [-reach, 0.0, reach]
