@@ -890,3 +890,13 @@ def test_a_diagnosis_does_not_wait_for_other_results() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded"
+
+
+def test_a_process_of_the_command_keeps_freed_memory_and_a_program_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[bool] = []
+    monkeypatch.setattr(cli, "keep_freed_memory", lambda: told.append(True))
+    monkeypatch.setattr(sys, "argv", ["rverror", "sources"])
+    assert cli.main(["sources"]) == 0
+    assert told == []
+    assert cli.main() == 0
+    assert told == [True]

@@ -151,6 +151,17 @@ def test_forces_at_a_load_are_those_of_the_equilibrium() -> None:
         assert drawn == pytest.approx(np.sort(solved[solved > 0]), rel=1e-6)
 
 
+@pytest.mark.parametrize("load", ["3 N*m", "20 N*m", "412 N*m"])
+def test_scales_are_round_and_the_longest_arrow_takes_its_room(load: str) -> None:
+    """Three tenths of the pin circle's radius of 64 mm; the next of 1, 2 and 5 is at most 2.5 times as coarse."""
+    ax = UNITS["RV-40E"].plot(torque=load)
+    for what in ("pins", "bearings"):
+        assert f"{10 * scale(ax, what):.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
+    names = ("pin force, disc 0", "pin force, disc 1", "mesh force")
+    longest = max(float(np.hypot(*arrows(ax, name)[1].T).max()) for name in names)
+    assert 0.3 * 64 / 2.5 * (1 - 1e-6) <= longest <= 0.3 * 64 * (1 + 1e-6)
+
+
 # --- errors -----------------------------------------------------------------------------------------------------------
 
 
