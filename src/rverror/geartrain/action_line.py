@@ -82,6 +82,12 @@ class Contacts(Pose):
         return np.arctan2(self.pin_point[..., 1, :], self.pin_point[..., 0, :]) - self.turns["disc"]
 
     @cached_property
+    def pin_pitch(self) -> Array:
+        """The same in pitches of the disc, from 0 to all of its lobes, (discs, pins, n)."""
+        lobes = self.reducer.disc_lobes
+        return np.asarray(np.mod(self.pin_angle * lobes / (2 * np.pi), lobes))
+
+    @cached_property
     def pin_phase(self) -> Phases:
         """e^(i psi) of the contact angles `pin_angle`: its powers are the waves around a disc, (discs, pins, n)."""
         phase = np.empty(self.pin_arm.shape, dtype=np.complex128)
@@ -206,6 +212,52 @@ class ErrorWaves:
         return np.asarray(self.waves * dot(self.direction, directions))
 
 
+@dataclass(frozen=True, kw_only=True)
+class ErrorSpots:
+    """Error of one term, along one direction at each contact, that is met in few places: nothing everywhere else.
+
+    Attributes
+    ----------
+    contact : str
+        A key of `CONTACT_AXES`.
+    where : tuple of ndarray, shape (places,) each
+        Of each axis of the contact but xy, within `at`, and of the samples: the places that are met.
+    size : ndarray, shape (places,)
+        Displacement there per unit of the parameter.
+    direction : ndarray, shape (axes of the contact, n)
+        Unit vectors in the housing frame.
+    at : tuple of slice
+        As of `ErrorVector`.
+    """
+
+    contact: str
+    where: tuple[npt.NDArray[np.intp], ...]
+    size: Array
+    direction: Array
+    at: tuple[slice, ...] = ()
+
+    @property
+    def vector(self) -> Array:
+        """As of `ErrorVector`, (1, axes of the contact, n)."""
+        return np.asarray(self._sizes[..., None, :] * self.direction)
+
+    def along(self, directions: Array) -> Array:
+        """Components along vectors at its contacts, (1, axes of the contact but xy, n)."""
+        return np.asarray(self._sizes * dot(self.direction, directions))
+
+    @property
+    def _sizes(self) -> Array:
+        sizes = np.zeros((1, *self.direction.shape[:-2], self.direction.shape[-1]))
+        sizes[0][self.where] = self.size
+        return sizes
+
+    def project(self, force: Array) -> Array:
+        """Work of forces at its contacts, (axes of the contact, n), summed over them, (1, n)."""
+        forces, directions = (np.moveaxis(rows, -2, -1)[self.where] for rows in (force, self.direction))
+        work = self.size * np.sum(forces * directions, axis=-1)
+        return np.asarray(np.bincount(self.where[-1], work, force.shape[-1])[None], dtype=np.float64)
+
+
 def _power(phase: Phases, exponent: int) -> Phases:
     """Whole power, by products, which take a tenth of the time of cos and sin."""
     power = phase if exponent else np.ones_like(phase)
@@ -247,7 +299,7 @@ class Compliance:
 
 
 #: What displaces the surfaces of a contact, whatever it carries.
-Displacement = ErrorVector | ErrorWaves
+Displacement = ErrorVector | ErrorWaves | ErrorSpots
 #: What a source returns: a part that grows shifts more than one contact, so it has one error vector for each.
 SourceVector = Displacement | Clearance | Compliance | tuple[ErrorVector, ...]
 
@@ -259,7 +311,7 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
     ----------
     forces : mapping of str to ndarray
         Contact forces per unit of output torque.
-    error : ErrorVector, ErrorWaves, Clearance, Compliance or tuple of ErrorVector
+    error : ErrorVector, ErrorWaves, ErrorSpots, Clearance, Compliance or tuple of ErrorVector
         The error of one source.
     samples : int
         n, the number of samples.
@@ -288,6 +340,8 @@ def project(forces: ContactForces, error: SourceVector, samples: int) -> Array:
     if isinstance(error, ErrorWaves):
         return np.asarray(_project_waves(forces, error, [error.harmonic], samples)[0])
     force = forces[error.contact][error.at]
+    if isinstance(error, ErrorSpots):
+        return error.project(force)
     if error.vector.shape[-1] == 1:  # alike at all samples: one matrix product
         vector = np.broadcast_to(error.vector[..., 0], (len(error.vector), *force.shape[:-1]))
         row = vector.reshape(len(vector), -1) @ force.reshape(-1, force.shape[-1])
@@ -304,7 +358,7 @@ def project_all(forces: ContactForces, errors: Iterable[SourceVector], influence
     ----------
     forces : mapping of str to ndarray
         As for `project`.
-    errors : iterable of ErrorVector, ErrorWaves, Clearance, Compliance or tuple of ErrorVector
+    errors : iterable of ErrorVector, ErrorWaves, ErrorSpots, Clearance, Compliance or tuple of ErrorVector
         One of each source.
     influence : ndarray, shape (terms of all errors, n)
         Overwritten: the influences, one under another in their order.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -92,12 +92,19 @@ def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mappin
     return project(forces, source(key).vector(motion, **indices), motion.theta.size)
 
 
-def effect_matrix(motion: Pose, forces: ContactForces, effects: tuple[Effect, ...]) -> Array:
-    """Influence of every parameter of every effect, one under another in their order, (parameters, n)."""
-    vectors = (source(effect.key).vector(motion, **effect.indices) for effect in effects)
-    influence = np.empty((sum(len(effect.values) for effect in effects), motion.theta.size))
+def source_matrices(
+    motion: Pose, forces: ContactForces, named: Sequence[tuple[str, Mapping[str, IndexValue]]]
+) -> Array:
+    """Influence of every parameter of sources by key and indices, one under another in their order, (parameters, n)."""
+    vectors = (source(key).vector(motion, **indices) for key, indices in named)
+    influence = np.empty((sum(len(source(key).parameters) for key, _ in named), motion.theta.size))
     project_all(forces, vectors, influence)
     return influence
+
+
+def effect_matrix(motion: Pose, forces: ContactForces, effects: tuple[Effect, ...]) -> Array:
+    """Influence of every parameter of every effect, one under another in their order, (parameters, n)."""
+    return source_matrices(motion, forces, [(effect.key, effect.indices) for effect in effects])
 
 
 def effect_values(effects: tuple[Effect, ...]) -> Array:

@@ -55,7 +55,7 @@ class Closing:
     Attributes
     ----------
     motion : Contacts
-    error : ErrorVector or ErrorWaves
+    error : ErrorVector, ErrorWaves or ErrorSpots
     """
 
     motion: Contacts

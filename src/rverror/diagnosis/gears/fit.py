@@ -35,10 +35,11 @@ from rverror.diagnosis.gears.waveform import (
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
+from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.mechanism import BACKLASH_SPREAD, LAW_SPREAD, Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
-from rverror.model.compose import source_matrix
+from rverror.model.compose import source_matrices
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import felt
 from rverror.runs.spectrum import frames_of_order
@@ -205,21 +206,25 @@ class RunSet:
 
     def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
         """Influences of sources as each record sees them, (parameters, width), in the state of waveforms."""
-        made = [condition.forces(wave) for condition, wave in zip(self.conditions, waves, strict=True)]
         offset = model.index_offset
         ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in named)])
-        on_grid = [i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)]
-        at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in on_grid]).astype(np.intp) if on_grid else None
-        parts = [np.concatenate([source_matrix(*one, *named[i]) for i in on_grid]) if on_grid else None for one in made]
+        on_grid = {i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)}
+        at = np.concatenate([np.arange(0), *(np.arange(ends[i], ends[i + 1]) for i in sorted(on_grid))])
+
+        def made(number: int) -> tuple[ContactForces, Array]:
+            """Under one condition: forces, and the influences on its grid."""
+            motion, forces = self.conditions[number].forces(waves[number])
+            return forces, source_matrices(motion, forces, [named[i] for i in sorted(on_grid)])
+
+        under = each(made, range(len(self.conditions)))
 
         def seen(number: int) -> Array:
             sight, which = self.sights[number], self.which[number]
+            forces, part = under[which]
             rows = np.zeros((ends[-1], sight.width))
-            part = parts[which]
-            if part is not None:
-                rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
-            for i in set(range(len(named))) - set(on_grid):
-                rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], made[which][1], offset)
+            rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
+            for i in set(range(len(named))) - on_grid:
+                rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], forces, offset)
             return rows
 
         return self.of_each(seen)

@@ -17,7 +17,7 @@ from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Mechanism, Reduc
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
-from rverror.model.compose import source_matrix
+from rverror.model.compose import effect_matrix
 from rverror.model.effects import Effect
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
 from rverror.statics.prediction import turned
@@ -158,7 +158,7 @@ class Conditioned:
         grid = self.grid(unit, effects)
         if self.torque is None:
             where = self._motion(unit, grid)
-            rows = _matrix(where, closed_form_forces(where), [(e.key, e.indices) for e in effects])
+            rows = effect_matrix(where, closed_form_forces(where), effects)
             values = np.array([v for e in effects for v in e.values])
             return [Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)]
         starts = [self._near(one, grid) for one in near]
@@ -213,8 +213,3 @@ def solve_all(
         beside = [conditions[i] for i in alike if i != first]
         found |= zip(alike, one.solve_with(beside, unit, effects, [near[i] for i in alike]), strict=True)
     return [found[i] for i in range(len(conditions))]
-
-
-def _matrix(where: Pose, forces: ContactForces, named: Sequence[Named]) -> Array:
-    rows = [source_matrix(where, forces, key, indices) for key, indices in named]
-    return np.concatenate([np.zeros((0, where.theta.size)), *rows])
