@@ -32,6 +32,7 @@ from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.source import Source, around
+from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 
 HEAD = rverror.effect("sensor.encoder_eccentricity", cos="3 arcsec", sin="-2 arcsec")
@@ -159,6 +160,10 @@ def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     assert best.names == {named(HEAD)}
     assert len(search.expanded) == len(set(search.expanded))
     assert {kind for _, kind in search.expanded} > {"_singly", "begun_anywhere"}  # the latter is the last kind
+    begun, other = (
+        {names for names, kind in search.expanded if (kind == "_begun_beside") == is_it} for is_it in (1, 0)
+    )
+    assert begun - other  # beside sets that leave as much as those of the beam, and are not in it
 
 
 def test_a_search_ends_after_as_many_solutions_as_the_policy_allows() -> None:
@@ -428,6 +433,18 @@ def test_a_wave_of_the_pins_is_found_from_its_starts() -> None:
     )[:1]
     assert found.names == {named(WAVE)}
     assert sizes(found, WAVE) == pytest.approx(WAVE.values, abs=5e-4)
+
+
+def test_a_source_of_one_place_is_solved_beside_a_set_at_each_of_its_starts_whatever_a_linear_step_says() -> None:
+    true = (CAM, PLAY)
+    search = search_of(settled(Model(OTHER, true), *true, conditions=LIGHT), [effect.key for effect in true])
+    cam = search.score.of(beside(search.root.whole.fit, CAM)).slim
+    trials = list(search.moves.beside(cam))
+    assert {trial.added[-1].key for trial in trials} == {PLAY.key}  # a cam has several places
+    assert len(trials) == len(source(PLAY.key).starts)
+    (found,) = complete_ones(search, raced(search, trials))
+    assert found.names == frozenset(map(named, true))
+    assert not list(search.moves.beside(search.root))  # `begun_at_pins` has them alone
 
 
 def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:

@@ -194,6 +194,13 @@ class Moves:
             both = linear + self._starts(plain, self.starting(_is_quick, most=_FEW_PLACES))
             yield from self._offered(one, plain.model, pairs(plain, both, self.score.cost, most=_OFFERED))
 
+    def beside(self, one: Hypothesis) -> Iterator[Trial]:
+        """A source of one place beside a set, at all its starts: what it does hangs on the bearings' loads, and so on
+        the other causes."""
+        if one.fit.added and self._room(one):
+            fit = one.few
+            yield from (Trial(fit.model.with_effects(e), one.score, one.slim) for e in self._begun_alone(fit))
+
     def begun_at_pins(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more, or two, from the starts of the other sources of few places."""
         names = self.starting(_is_slow, most=_FEW_PLACES)

@@ -31,6 +31,7 @@ from rverror.statics.loaded_state import NotConvergedError
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
 _LOOKED_AT = 40  # more that are solved once, where those did not complete a set
+_ALIKE = 4  # times the sets of a beam, of which sources of one place are begun beside
 _DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
 _CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
@@ -312,6 +313,8 @@ class Search:
             alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
+            for one in alike[: _ALIKE * self._width] if self._rounds else ():
+                found = self.expand(one, self._begun_beside) or found
         return found
 
     def _kinds(self, one: Hypothesis) -> list[Callable[[Hypothesis], Iterator[Trial]]]:
@@ -345,6 +348,13 @@ class Search:
         """Two causes more; and a line, if nothing is left then."""
         self.keep(found for found in self.lined(one) if self.complete(found))
         yield from self.moves.doubly(one)
+
+    def _begun_beside(self, one: Hypothesis) -> Iterator[Trial]:
+        """A source of one place at all its starts, solved beside a set.
+
+        What it does may show beside the right one of several sets alone, all of which leave as much.
+        """
+        yield from self._all_further(list(self.moves.beside(one)))
 
     def _lined(self, one: Hypothesis) -> Iterator[Trial]:
         """A line that no part has, late: a wave of the pins has side orders that look like lines."""
