@@ -38,6 +38,17 @@ def test_a_jump_is_found_in_a_large_ripple_and_where_the_turn_closes(at: int, si
     assert set(np.flatnonzero(found)) == {(at + step) % POINTS for step in (-2, -1, 0, 1)}
 
 
+def test_a_jump_reaches_as_far_on_the_dense_grid_of_a_turn_of_the_crank() -> None:
+    """What repeats with the crank is solved at 256 angles of its turn, 10,240 of a turn of the output."""
+    step = TURN / 40 / 256
+    grid = whole(0.0, TURN / 40, 256)
+    error = np.exp(-((np.arange(256) - 100) % 256) / 100.0)
+    found = jumps(replace(wave(error), grid=grid), 0.5)
+    reached = np.flatnonzero(found) * step
+    assert reached[0] == pytest.approx(100 * step - 2 * TURN / POINTS, abs=step)
+    assert reached[-1] == pytest.approx(100 * step + 2 * TURN / POINTS, abs=2 * step)
+
+
 def test_the_ends_of_a_stretch_are_no_jump() -> None:
     angle = TURN / POINTS * np.arange(stretch(0.0, 1.0, TURN / POINTS).points)
     assert not jumps(wave(100 * angle, closed=False), 2.0).any()

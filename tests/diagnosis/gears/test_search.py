@@ -444,7 +444,7 @@ def test_a_source_of_one_place_is_solved_beside_a_set_at_each_of_its_starts_what
     assert len(trials) == len(source(PLAY.key).starts)
     (found,) = complete_ones(search, raced(search, trials))
     assert found.names == frozenset(map(named, true))
-    assert not list(search.moves.beside(search.root))  # `begun_at_pins` has them alone
+    assert not list(search.moves.beside(search.root))  # alone they are among the starts of one cause more
 
 
 def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:

@@ -7,6 +7,8 @@ off by all of it: what moves one jump by one sample takes off as much as a cause
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rverror.diagnosis.gears.fit import Fit
@@ -14,7 +16,7 @@ from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.noise import Flags
 
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
-_REACH = 2  # angles of the grid, 0.35 deg of 2048 a turn: beside exact poses a jump was out of place by one or two
+_REACH = 4 * math.pi / 2048  # rad, 0.35 deg: beside exact poses a jump was out of place by one or two of 2048 a turn
 
 
 def jumps(wave: Waveform, least: float) -> Flags:
@@ -29,14 +31,15 @@ def jumps(wave: Waveform, least: float) -> Flags:
     Returns
     -------
     ndarray of bool, shape (points,)
-        The angles of the grid from two before a jump to two after it.
+        The angles of the grid within `_REACH` of a jump, two to either side at least.
     """
+    reach = max(round(_REACH / wave.grid.step), 2)
     change = np.roll(wave.error, -1) - wave.error
     beside = np.sort([np.roll(change, step) for step in (-2, -1, 1, 2)], axis=0)
     found = np.abs(change - (beside[1] + beside[2]) / 2) > least
     if not wave.grid.closed:
         found[-3:] = found[:2] = False
-    return np.asarray(np.any([np.roll(found, step) for step in range(1 - _REACH, 1 + _REACH)], axis=0))
+    return np.asarray(np.any([np.roll(found, step) for step in range(1 - reach, 1 + reach)], axis=0))
 
 
 def fall(before: Fit, after: Fit) -> float:

@@ -34,7 +34,7 @@ _OFFERED = 30  # trials of each kind that a set offers
 _STARTS = 512  # angles a turn on which starts are solved
 _FEW_PLACES = 12  # of a source, whose starts are offered first: harmonics of two discs, not single pins or lobes
 _NEARLY = 2.0  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
-_MOST_MOVES = 60  # sets of equivalent places: three causes, each on two discs or cranks with either sign, are 63
+_MOST_MOVES = 60  # sets of equivalent places: three causes, each in three others, are 63
 
 
 def with_offer(model: Model, offer: Offer) -> Model:

@@ -126,15 +126,18 @@ class Score:
         return -2 * math.log(self.policy.false_alarm)
 
     def by_chance(self, more: Hypothesis, less: Hypothesis) -> float:
-        """Fall of the objective that noise alone makes with one of all sets of so many causes more, at `false_alarm`.
+        """Fall of the objective that noise alone makes at `false_alarm`, with the best of all candidates or with a line
+        or settling.
 
-        Of two sets with as many sizes one is as good as `sure`.
+        Parameters
+        ----------
+        more, less : Hypothesis
+            A set, and the same without a cause, a line or settling.
         """
         causes = len(more.fit.added) - len(less.fit.added)
         sizes = sum(len(e.values) for e in more.fit.added) - sum(len(e.values) for e in less.fit.added)
         freedom = sizes + _rows(more.fit, len(more.lines) - len(less.lines), more.slow - less.slow)
-        chance = self.policy.false_alarm / max(sum(self.places.values()), 1) ** max(causes, 0)
-        return chi_square(chance, freedom) if freedom > 0 else self.sure
+        return chi_square(self.policy.false_alarm / (sum(self.places.values()) if causes else 1), freedom)
 
     def better(self, more: Hypothesis, less: Hypothesis, *, exact: bool = False) -> bool:
         """Tell whether a set with more in it is more probable, and fits better by more than chance makes it.

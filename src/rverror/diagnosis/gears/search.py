@@ -31,7 +31,7 @@ from rverror.statics.loaded_state import NotConvergedError
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
 _LOOKED_AT = 40  # more that are solved once, where those did not complete a set
-_ALIKE = 4  # times the sets of a beam, of which sources of one place are begun beside
+_AS_GOOD = 4  # times the sets of a beam: beside them sources of one place are begun
 _DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
 _CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
@@ -257,9 +257,9 @@ class Search:
         )
 
     def pruned(self, one: Hypothesis) -> Hypothesis:
-        """A set without what others have made needless; one that is complete gives way to complete ones only.
+        """A set without what does not stand in it, even if what is left is not complete.
 
-        Of what is left beside a set that is not complete, the model's own error is no reason.
+        What makes the set complete needs no margin for the model's own error.
         """
         while True:
             needless = [
@@ -313,7 +313,7 @@ class Search:
             alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
-            for one in alike[: _ALIKE * self._width] if self._rounds else ():
+            for one in alike[: _AS_GOOD * self._width] if self._rounds else ():
                 found = self.expand(one, self._begun_beside) or found
         return found
 
