@@ -539,7 +539,7 @@ def test_a_pin_that_stands_for_the_one_beside_it_gives_way() -> None:
     wrong = search.score.of(beside(fit, Effect(PIN.key, {"pin": 4}, (0.0, 2e-3))))
     (found,) = [one for one in moved(search, wrong) if one.names == {named(PIN)}]
     assert search.complete(found)
-    assert search.score.better(found, wrong)
+    assert found.score < wrong.score - search.score.sure
     best, done = search.best(wrong)
     assert done
     assert [e.key for e in best.fit.added] == [PIN.key]
@@ -591,6 +591,7 @@ def test_no_move_puts_a_cause_into_a_set_twice() -> None:
     seen = [trial.added for trial in search.moves.moved(search.score.of(fit))]
     assert len(seen) > 10
     assert all(len(set(map(named, effects))) == len(effects) for effects in seen)
+    assert len({frozenset((named(e), e.values) for e in effects) for effects in seen}) == len(seen)
 
 
 @pytest.mark.parametrize(

@@ -246,10 +246,9 @@ class Moves:
         sets = list(product(*places))
         sets.sort(key=lambda s: sum(a is not b for a, b in zip(s, added, strict=True)))
         sets = sets[1 : 1 + _MOST_MOVES]
-        sets += [
-            (*added[:at], begun, *added[at + 1 :])
-            for at in range(len(added)) for place in places[at] for begun in started(place)
-        ]  # fmt: skip
+        for at, own in enumerate(places):
+            there = {named(place): place for place in own}  # either sign begins alike
+            sets += [(*added[:at], e, *added[at + 1 :]) for place in there.values() for e in started(place)]
         models = [
             replace(fit.model, effects=(*declared, *one_set))
             for one_set in sets
