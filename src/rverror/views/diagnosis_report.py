@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, in_arcsec, way
 from rverror.base.text import describe
-from rverror.diagnosis.next_run import folds
+from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
 from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
@@ -25,9 +25,7 @@ from rverror.views.describing import content, content_of, listed, sheet, table
 from rverror.views.envelope import InputFile, enveloped
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows
 from rverror.views.model_report import name_of
-from rverror.views.next_measurement import next_steps
-from rverror.views.passport_report import kinds_of_causes, passport_json, passports
-from rverror.views.resonance_report import alone, resonances, resonances_json
+from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
@@ -56,6 +54,44 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     if diagnosis.quantity != "angle":
         return None
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
+
+
+# --- what to measure next ---------------------------------------------------------------------------------------------
+
+
+def bench_of(diagnosis: Diagnosis) -> Circumstances:
+    """What the runs of a diagnosis cover."""
+    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
+    longest = max(diagnosis.traces, key=lambda trace: turns_of(trace.theta), default=None)
+    part = longest.theta if longest is not None and turns_of(longest.theta) < 1 else None
+    return Circumstances(
+        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
+        samples_per_turn=samples_per_turn(diagnosis),
+        torques=frozenset(torques),
+        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
+        shared_zero=any(
+            one.index == other.index not in ("", "unknown") and one.direction != other.direction
+            for one in diagnosis.traces
+            for other in diagnosis.traces
+        ),
+        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
+    )
+
+
+def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
+    """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
+    if diagnosis.shares:
+        return []
+    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
+    found: list[tuple[Addition | None, Measurement]] = []
+    for addition in diagnosis.added:
+        keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
+        if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
+            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
+            found += [(addition, step) for step in steps]
+    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
+    reading = diagnosis.quantity == "angle"
+    return found + [(None, step) for step in steps if reading or step.name != "encoder"]
 
 
 # --- table ------------------------------------------------------------------------------------------------------------
@@ -205,7 +241,7 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             direction=lambda one: way(one.direction),
             torque=TORQUE,
             index=None,
-            samples_per_turn=(lambda one: one.theta.size / turns_of(one) if sampled else None, NUMBER),
+            samples_per_turn=(lambda one: one.theta.size / turns_of(one.theta) if sampled else None, NUMBER),
         ),
         **{
             f"sample_{name}": Variable(("sample",), _joined(values), units.get(name, signal))

@@ -17,19 +17,7 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.views.describing import content, content_of, table
 from rverror.views.fields import alike, arrays, rows
-from rverror.views.variables import (
-    ANGLE,
-    HERTZ,
-    NUMBER,
-    POSITION,
-    SPEED,
-    TIME,
-    TORQUE,
-    Each,
-    Table,
-    Unit,
-    Variable,
-)
+from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
@@ -81,10 +69,7 @@ def _modes_table(result: Modes) -> Table:
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:
     """A row over the modes for each of some names."""
-    return {
-        dim: Variable((dim,), list(values)),
-        name: Variable((dim, "mode"), np.array(list(values.values())), unit),
-    }
+    return {dim: Variable((dim,), list(values)), name: Variable((dim, "mode"), np.array(list(values.values())), unit)}
 
 
 @content.register

@@ -61,11 +61,6 @@ def escaped(text: str) -> str:
     return html.escape(printable(text), quote=True)
 
 
-def escaped_lines(text: str) -> str:
-    """`escaped` line by line."""
-    return "\n".join(escaped(line) for line in text.split("\n"))
-
-
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
     """Table of cells that are HTML already.
 

@@ -12,7 +12,7 @@ from rverror import Drive, InputError, Model, Run, effect, equilibrium, reducer,
 from rverror.base.units import ARCSEC
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.plots.figure import axes_for
-from rverror.views.plots.peaks import frame_name, name_peaks, strongest
+from rverror.views.plots.spectra import frame_name, name_peaks, strongest
 
 UNIT = reducer("RV-40E")
 WORM = Drive(ratio=360.0, shafts={"worm": 360.0})

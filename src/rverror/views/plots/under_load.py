@@ -44,7 +44,7 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
         If the curve does not reach +-3 % of the rated torque.
     """
     order = np.argsort(curve.torque, kind="stable")
-    torque, angle = in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle")
+    torque, angle = (in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle"))
     middle = angle.mean(axis=1)
     branches = [
         (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))

@@ -1,29 +1,245 @@
-"""Budgets, in closed form and of virtual units: what is told of each."""
+"""Tolerances, their budgets and yields, and what an allocation makes of them: what is told of each."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way
+from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
+from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_budget import LoadedBudget
+from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
 from rverror.views.describing import content, content_of, sheet, sheet_of, table
-from rverror.views.fields import COUNT, OWN, alike, arrays, entry, rows, sized
+from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, rows, sized
 from rverror.views.model_report import name_of
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Table, Variable
-from rverror.views.yield_report import LEVELS, together_entry, yield_entries, yield_words, yields
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
+
+#: Quantiles that are told.
+LEVELS = (0.5, 0.95, 0.99)
+#: Of a torsional stiffness, as makers print it.
+_STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
+
+
+def _unit(one: LimitYield) -> Unit:
+    return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
+
+
+def _quantile(level: float, row: tuple[LimitYield, Any]) -> float:
+    return row[0].quantile(level).value
+
+
+def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
+    """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
+    each = [
+        (one, None if one.limit.value is None else (one.share, *one.interval), share)
+        for one, share in zip(found.limits, closed, strict=True)
+    ]
+    quantiles: dict[str, Field] = {f"p{100 * level:g}": (partial(_quantile, level), OWN) for level in LEVELS}
+    shares: dict[str, Field] = {
+        name: (f"1.{at}", PERCENT) for at, name in enumerate(("yield", "yield_low", "yield_high"))
+    }
+    return rows(
+        "limit_at_load",
+        each,
+        "",
+        ("limit_at_load_unit", lambda row: _unit(row[0])),
+        limit_at_load="0.limit.label",
+        limit_value=("0.limit.value", OWN),
+        **quantiles,
+        **shares,
+        yield_in_closed_form=("2", PERCENT),
+    )
+
+
+def yield_words(found: Verified) -> tuple[str, ...]:
+    """Yield of all limits together, how many units were solved, and what the quantiles are of."""
+    share, low, high = (100 * one for one in (found.together, *found.together_interval))
+    limited = [one for one in found.limits if one.limit.value is not None]
+    told = []
+    if len(limited) > 1:
+        told.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
+    if found.failures:
+        told.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
+    first = found.limits[0]
+    told.append(
+        f"At the load: {first.units} units drawn afresh, seed {found.seed}, solved by the equilibrium, contacts that "
+        f"open included; interval: {100 * first.confidence:g} %. A quantile far within the limit may not be known; P99 "
+        "of a stiffness is what 99 % of the units do not fall below."
+    )
+    return tuple(told)
+
+
+def yield_entries(found: Verified) -> list[dict[str, Any]]:
+    """Entries of JSON, one for each limit: the quantity, its torque and limit with their units, the yield."""
+    return [_yield_entry(one) for one in found.limits]
+
+
+def _yield_entry(one: LimitYield) -> dict[str, Any]:
+    limit = one.limit
+    told: dict[str, Any] = {"limit": None, "yield": None, "interval": None}
+    if limit.value is not None:
+        told["limit"] = f"{brief(limit.shown(limit.value), 6)} {limit.unit}"
+        told |= {"yield": rounded(one.share), "interval": [rounded(end) for end in one.interval]}
+    return {
+        **entry(one, quantity="limit.quantity", level="limit.level", confidence=None, units=None),
+        "torque": None if limit.torque is None else limit.load(6),
+        **told,
+        "method": "equilibrium",
+    }
+
+
+def together_entry(found: Verified) -> dict[str, Any]:
+    """Entry of JSON: the yield of all limits together, and units without an equilibrium."""
+    ends = [rounded(end) for end in found.together_interval]
+    return {
+        "all_limits": {"yield": rounded(found.together), "interval": ends},
+        "units_without_equilibrium": len(found.failures),
+        "seed": found.seed,
+    }
+
+
+# --- tolerances -------------------------------------------------------------------------------------------------------
+
+
+@table.register
+def _tolerance_table(result: Tolerance) -> Table:
+    return Table("Tolerance", "tolerance", _widths([result]), title=(result.label,))
+
+
+def tolerances_table(result: Sequence[Tolerance]) -> Table:
+    """Tolerances in a row."""
+    return Table("Tolerances", "tolerance", _widths(result))
+
+
+def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
+    return rows(
+        "tolerance",
+        tolerances,
+        "",
+        ("unit", "chosen.0.dimension"),
+        tolerance="label",
+        key=None,
+        width=OWN,
+        distribution="distribution.name",
+        correlation=NUMBER,
+        classes=NUMBER,
+        random_phase=None,
+        fixed=None,
+        least=("span.0", OWN),
+        largest=("span.1", OWN),
+    )
+
+
+# --- allocations ------------------------------------------------------------------------------------------------------
+
+
+@table.register
+def _allocation_table(result: Allocation) -> Table:
+    own = Each("unit", tuple(map(unit_of, result.dimensions)))
+    loaded = result.verified
+    rates: dict[str, Field] = {
+        "saved_per_percent_of_limits_given_up": ("relax", NUMBER),
+        "cost_per_percent_of_limits_gained": ("tighten", NUMBER),
+    }
+    stages = ("before", result.used_before, result.cost_before), ("after", result.used, result.cost)
+    variables = {
+        **rows("stage", stages, stage="0", used=("1", NUMBER), total_cost=("2", NUMBER)),
+        **arrays(
+            "tolerance",
+            result,
+            tolerance=lambda one: list(one.labels),
+            width_before=("widths_before", own),
+            width=("widths", own),
+            cost_before=("costs_before", NUMBER),
+            cost=("costs", NUMBER),
+            held_by=lambda one: list(one.held_by),
+            grade=lambda one: [grade or "" for grade in one.grades],
+            fixed=lambda one: list(one.fixed),
+        ),
+        **rows("tolerance", result.rates, **rates),
+        **arrays("", result, limit=ANGLE, shadow_price=NUMBER, cost_scaled_alike=("uniform_cost", NUMBER)),
+        **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
+        **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
+    }
+    binds = "The limit holds some widths." if "limit" in result.held_by else "Bounds and grades alone hold the widths."
+    strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
+    shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
+    return Table(
+        "Allocation",
+        "tolerance",
+        variables,
+        {"limited": result.kind, "level": result.level},
+        title=(f"least cost {_within(result)}",),
+        verdict=(f"{strong}. {binds}", strong),
+        sentences=_sentences(result),
+        shown={"tolerance": shown},
+    )
+
+
+def _sentences(found: Allocation) -> tuple[str, ...]:
+    """What is limited, what the rates are, how good the widths are."""
+    check, loaded = found.closed_form, found.verified
+    limits = "all limits" if found.kind == "load" else "the limit"
+    told = [f"Used: share of {limits} that {_limited_by(found)} uses."]
+    if found.shadow_price is not None:
+        told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+    if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
+        told.append("Where infinitely much is saved, the width does not matter.")
+    told += yield_words(loaded) if loaded else ()
+    told.append(
+        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
+        f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
+    )
+    return tuple(told)
+
+
+@content.register
+def _allocation_content(found: Allocation) -> dict[str, Any]:
+    speed, loaded = found.speed, found.verified
+    return {
+        **content_of(table(found)),
+        "model": found.model or None,
+        "cost_before": rounded(found.cost_before),
+        "cost": rounded(found.cost),
+        "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
+        "verified": yield_entries(loaded) if loaded else [],
+        **(together_entry(loaded) if loaded else {}),
+    }
+
+
+def _limited_by(found: Allocation) -> str:
+    """What an allocation limits, in words."""
+    quantile = f"P{100 * found.level:g} of the peak-to-peak"
+    unit = f"the unit at P{100 * found.level:g}"
+    return {"worst": "the worst-case peak-to-peak", "yield": quantile, "load": unit}[found.kind]
+
+
+def _within(found: Allocation) -> str:
+    """What an allocation is for, to stand behind "Least cost"."""
+    if found.limit is None:
+        return f"at which {100 * found.level:g} % of the units meet all limits at the load"
+    return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
+
+
+def front_table(result: Sequence[FrontPoint]) -> Table:
+    """Least costs of several limits."""
+    variables = rows("limit", result, limit=ANGLE, cost=("allocation.cost", NUMBER), reason=None)
+    return Table("Front", "limit", variables)
+
 
 #: Sizes of an output error, and what people call them.
 _SIZES: Mapping[Size, str] = {
