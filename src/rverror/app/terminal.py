@@ -213,9 +213,9 @@ def add_command(commands: Any, made: Command) -> None:
             setattr(given, dest, read if isinstance(value, list) else read[0])
         check_outputs(given.outputs, given.inputs)
         if getattr(given, "plot", None):
-            from rverror.views.plots.figure import check_axes
+            from rverror.views.plots.figure import bare_figure
 
-            check_axes(None)
+            bare_figure(1.0, 1.0)  # refused where matplotlib is not installed
         made.run(given)
 
     parser.set_defaults(run=begin)

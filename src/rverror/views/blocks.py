@@ -115,13 +115,6 @@ def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
     return (Listing(tuple(heads), listed),) if listed else ()
 
 
-def columns_of(columns: Mapping[str, Iterable[Any]]) -> Sheet:
-    """Table of columns by their heads; those of which no value is known are left out."""
-    listed = {head: list(values) for head, values in columns.items()}
-    known = {head: values for head, values in listed.items() if any(value is not None for value in values)}
-    return grid(list(known), zip(*known.values(), strict=True))
-
-
 def facts(given: Mapping[str, str]) -> Sheet:
     """Facts; those without text are left out."""
     known = tuple((name, text) for name, text in given.items() if text)

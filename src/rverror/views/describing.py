@@ -16,7 +16,7 @@ import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
-from rverror.views.blocks import Ends, Sentence, Sheet, columns_of, facts, notes, section, title
+from rverror.views.blocks import Ends, Sentence, Sheet, facts, grid, notes, section, title
 from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
@@ -114,8 +114,8 @@ def listed(told: Table, dim: str) -> Sheet:
     places = list(range(count))
     if dim in _COURSES and count > _SOME:
         places = sorted({round(at * (count - 1) / (_SOME - 1)) for at in range(_SOME)})
-    heads = {name: ", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen}
-    return columns_of({heads[name]: [columns[name][at] for at in places] for name in chosen})
+    heads = [", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen]
+    return grid(heads, [[columns[name][at] for name in chosen] for at in places])
 
 
 def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:

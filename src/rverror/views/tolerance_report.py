@@ -34,6 +34,9 @@ LEVELS = (0.5, 0.95, 0.99)
 _STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
 
 
+# --- yields at the load -----------------------------------------------------------------------------------------------
+
+
 def _unit(one: LimitYield) -> Unit:
     return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
 
@@ -83,12 +86,8 @@ def yield_words(found: Verified) -> tuple[str, ...]:
     return tuple(told)
 
 
-def yield_entries(found: Verified) -> list[dict[str, Any]]:
-    """Entries of JSON, one for each limit: the quantity, its torque and limit with their units, the yield."""
-    return [_yield_entry(one) for one in found.limits]
-
-
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
+    """Entry of JSON of a limit: the quantity, its torque and limit with their units, the yield."""
     limit = one.limit
     told: dict[str, Any] = {"limit": None, "yield": None, "interval": None}
     if limit.value is not None:
@@ -216,7 +215,7 @@ def _allocation_content(found: Allocation) -> dict[str, Any]:
         "cost_before": rounded(found.cost_before),
         "cost": rounded(found.cost),
         "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
-        "verified": yield_entries(loaded) if loaded else [],
+        "verified": [_yield_entry(one) for one in loaded.limits] if loaded else [],
         **(together_entry(loaded) if loaded else {}),
     }
 
@@ -452,5 +451,5 @@ def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> di
 
 def _loaded_entries(loaded: LoadedBudget) -> list[dict[str, Any]]:
     """Entries of the limits in JSON, with what the closed form says."""
-    each = zip(yield_entries(loaded.verified), loaded.closed_form, strict=True)
-    return [{**told, "closed_form_yield": rounded(share)} for told, share in each]
+    each = zip(loaded.verified.limits, loaded.closed_form, strict=True)
+    return [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in each]

@@ -104,10 +104,21 @@ def _shown(ax: Axes) -> Axes:
 def axes_for(
     ax: Axes | None, *, projection: Projection = "rectilinear", width: float = 9.0, height: float = 3.2
 ) -> Axes:
-    """Axes to draw on: those given, if `check_axes` lets them pass, else those of a new figure of a size in inches."""
+    """Axes to draw on: those given, else those of a new figure of a size in inches.
+
+    Raises
+    ------
+    InputError
+        If `ax` is no axes, or of another sort; or if it is not given and matplotlib is not installed.
+    """
     if ax is None:
         return _shown(bare_figure(width, height).add_subplot(projection=projection))
-    check_axes(ax, projection=projection)
+    found = getattr(ax, "name", None)
+    if not hasattr(ax, "plot") or not isinstance(found, str):
+        raise InputError(f"ax is a {type(ax).__name__}, no axes of matplotlib; give one axes, or leave ax out")
+    if found != projection:
+        remedy = "figure.add_subplot(projection='polar')" if projection == "polar" else "figure.add_subplot()"
+        raise InputError(f"ax has {found} axes, this plot needs {projection} ones; make them with {remedy}")
     return ax
 
 
@@ -119,25 +130,6 @@ def axes_of_rows(ax: Axes | None, names: Sequence[str], *, upwards: bool = True)
     ends = (-0.6, max(len(names), 1) - 0.4)
     ax.set_ylim(ends if upwards else ends[::-1])
     return ax, places
-
-
-def check_axes(ax: Axes | None, *, projection: Projection = "rectilinear") -> None:
-    """Refuse axes of the wrong sort, before anything is computed for them.
-
-    Raises
-    ------
-    InputError
-        If `ax` is given and no axes, or of another sort; or if it is not given and matplotlib is not installed.
-    """
-    if ax is None:
-        bare_figure(1.0, 1.0)
-        return
-    found = getattr(ax, "name", None)
-    if not hasattr(ax, "plot") or not isinstance(found, str):
-        raise InputError(f"ax is a {type(ax).__name__}, no axes of matplotlib; give one axes, or leave ax out")
-    if found != projection:
-        remedy = "figure.add_subplot(projection='polar')" if projection == "polar" else "figure.add_subplot()"
-        raise InputError(f"ax has {found} axes, this plot needs {projection} ones; make them with {remedy}")
 
 
 def shown_unit(quantity: str) -> str:
@@ -314,7 +306,7 @@ def _legend(ax: Axes, room: int, **options: Any) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         told = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
-        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, **options)
+        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:

@@ -67,9 +67,9 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
 
 
 def _by_evidence(rows: Sequence[MadeBy]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
-    """Processes that are told from none, and those that are not, with their face and name."""
+    """Processes whose scatter is significant, and those of which it is not, with their face and name."""
     told = np.array([one.above_zero for one in rows])
-    for some, face, label in ((told, style.BLUE, "told from none"), (~told, "white", "not told from none")):
+    for some, face, label in ((told, style.BLUE, "significantly above zero"), (~told, "white", "not significant")):
         if some.any():
             yield some, face, label
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import equilibrium
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, legend_beside, plain
+from rverror.views.plots.figure import Axes, axes_for, labelled, plain
 
 _DISCS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
 _PER_LOBE = 256  # points of an outline: chords of 3 um at a pin circle of 64 mm, at a lobe's tip far less
@@ -210,8 +210,8 @@ def mechanism(
         told.append("not drawn, angles: " + plain(", ".join(unseen)))
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
-    title = f"{name} at {math.degrees(angle):.4g} deg, {way(direction)}, {load / 1e3:.4g} N*m, {how}"
-    return _finish(ax, title, "\n".join(told))
+    title = [f"{name} at {math.degrees(angle):.4g} deg", way(direction), with_unit(load, "torque"), how]
+    return _finish(ax, title, told)
 
 
 def _posed(model: Model, theta: float, direction: float) -> Contacts:
@@ -296,9 +296,9 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
         told.append(f"{what}: {name.replace('_', ' ')} {100 * share:.0f} %")
     frequency = f"{float(modes.frequency[chosen - 1]):.4g} Hz"
     of_sun = ", of the sun's support" if modes.of_sun_support[chosen - 1] else ""
-    state = f"{with_unit(modes.torque, 'torque')}, {way(modes.direction)}, at {math.degrees(modes.theta):.4g} deg"
-    name = plain(modes.model.name or unit.name)
-    return _finish(ax, f"{name}, mode {chosen} of {count}, {frequency}{of_sun}\n{state}", "\n".join(told))
+    title = [plain(modes.model.name or unit.name), f"mode {chosen} of {count}", f"{frequency}{of_sun}"]
+    state = [with_unit(modes.torque, "torque"), way(modes.direction), f"at {math.degrees(modes.theta):.4g} deg"]
+    return _finish(ax, title + state, told)
 
 
 def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
@@ -360,9 +360,7 @@ def _arrows(ax: Axes, at: Array, vectors: Array, *, colour: str, hollow: bool = 
     ax.quiver(x[seen], y[seen], u[seen], v[seen], edgecolor=colour, gid=gid, **to_scale, **look)
 
 
-def _finish(ax: Axes, title: str, told: str) -> Axes:
+def _finish(ax: Axes, title: Sequence[str], told: Sequence[str]) -> Axes:
     """Equal aspect, units, title, and a legend with what is told."""
-    ax.set(xlabel="x, mm", ylabel="y, mm", title=title, aspect="equal")
     ax.margins(0.04)
-    legend_beside(ax, title=told)
-    return ax
+    return labelled(ax, *title, x="x, mm", y="y, mm", aspect="equal", legend="beside", legend_title="\n".join(told))

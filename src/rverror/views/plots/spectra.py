@@ -46,7 +46,7 @@ _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
-_ROWS = ((style.BLUE, "solid", 1.6), (style.ORANGE, style.DASHED, 0.8))
+_ROWS = ((style.BLUE, "solid"), (style.ORANGE, style.DASHED))
 _OPEN = 1.5  # times the largest line, that the ordinate shows
 #: Bins over which the window of a part of a turn spreads a line to either side, and the share of it beside them.
 _LOBE, _SIDELOBES = 5, 0.05
@@ -280,7 +280,7 @@ def draw_lines(
     highest: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Stems of each row, floors as lines, the strongest peaks of the first row named.
+    """Stems of the first row and rings of the second, floors as lines, the strongest peaks of the first row named.
 
     Parameters
     ----------
@@ -300,12 +300,14 @@ def draw_lines(
     floors = [float(np.median(found.floor)) for _, found in rows if found.floor is not None]
     bottom = max(min(floors) / 4, 1e-6 * top) if floors and min(floors) > 0 else _LEAST_SHARE * top
     last = highest or _last(rows, top)
-    # the second row is drawn thin and light over the first
-    for (label, found), (colour, dashes, width) in zip(rows, _ROWS, strict=False):
+    for number, ((label, found), (colour, dashes)) in enumerate(zip(rows, _ROWS, strict=False)):
         shown = found.order <= last
         high = shown & (found.size > bottom)
         order, size = for_drawing(found.order[high], found.size[high])
-        ax.vlines(order, bottom, size, color=colour, lw=width, label=label)
+        if number == 0:
+            ax.vlines(order, bottom, size, color=colour, lw=1.6, label=label)
+        else:  # stems over stems would blend into one colour
+            ax.plot(order, size, "o", color=colour, ms=3, mfc="white", mew=0.9, label=label)
         if found.floor is not None and found.floor_name:
             floor = for_drawing(found.order[shown], np.maximum(found.floor[shown], bottom))
             ax.plot(*floor, color=style.BLACK, ls=dashes, lw=1.0, label=found.floor_name)
