@@ -27,8 +27,8 @@ from pages import without_scripts
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
+from rverror.views.describing import InputFile, input_files
 from rverror.views.diagnosis_report import bench_of
-from rverror.views.envelope import InputFile, input_files
 from rverror.views.plots.figure import svg_element, to_bytes
 from rverror.views.plots.page_figures import figure_of
 from rverror.views.plots.spectra import lines_of

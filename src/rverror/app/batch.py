@@ -29,8 +29,8 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.describing import input_files
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.envelope import input_files
 from rverror.views.html import document, escaped, number, table
 
 MODEL = "model.toml"

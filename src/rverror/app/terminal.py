@@ -261,7 +261,7 @@ def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any
     """Write a result as the options of `results` ask, with `more` told of it; `draw` makes axes of its own picture."""
     html, plot = getattr(options, "html", None), getattr(options, "plot", None)
     if options.json or html:
-        from rverror.views.envelope import input_files  # half of all modules
+        from rverror.views.describing import input_files  # half of all modules
         from rverror.views.report import to_html, to_json
 
         files = input_files(options.inputs)

@@ -11,7 +11,7 @@ from rverror.compensation.table_files import WrittenTable, correction_json, tabl
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json, of_figures
 from rverror.views.blocks import Sentence, Sheet
-from rverror.views.describing import content, content_of, sheet, sheet_of, table
+from rverror.views.describing import described, entries, sheet, sheet_of, table as table_of
 from rverror.views.fields import about, arrays, entry, rows
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, Table
@@ -19,7 +19,7 @@ from rverror.views.variables import ANGLE, NUMBER, Table
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 
 
-@table.register
+@described.register
 def _table(result: Compensation) -> Table:
     bench = uncertainty_of(result.model.encoders, result.model.mechanism.ratio)
     stages = (("before", result.before), ("after", result.after))
@@ -36,8 +36,6 @@ def _table(result: Compensation) -> Table:
         if result.worth:
             stays.append(_BENCH_REPEATS)
     return Table(
-        "Compensation",
-        "order",
         variables,
         about(result, "index", "stays", "notes", model=name_of(result.model)),
         title=(name_of(result.model),),
@@ -46,14 +44,14 @@ def _table(result: Compensation) -> Table:
             "",
         ),
         sentences=tuple(stays),
+        rows="order",
     )
 
 
-@content.register
+@entries.register
 def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[str, Any]:
     """`table` is what was written of it, None where nothing was."""
     return {
-        **content_of(_table(made)),
         "worth": made.worth,
         **{
             stage: entry(getattr(made, stage), heldout_rms_arcsec=("rms", ANGLE), low=ANGLE, high=ANGLE)
@@ -91,4 +89,4 @@ def _written(made: WrittenTable) -> dict[str, Any]:
 
 @sheet.register
 def _sheet(thing: Compensation, *, table: WrittenTable | None = None) -> Sheet:
-    return (*sheet_of(_table(thing)), *(() if table is None else map(Sentence, table_told(table))))
+    return (*sheet_of(table_of(thing)), *(() if table is None else map(Sentence, table_told(table))))

@@ -6,16 +6,21 @@ registers these as well.
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
+from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, facts, grid, notes, section, title
 from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
 
@@ -23,10 +28,16 @@ _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its
 _SOME = 20
 
 
-@singledispatch
 def table(result: Any) -> Table:
     """Description of a result as variables along named dimensions."""
-    kinds = sorted(kind.__name__ for kind in table.registry if kind is not object)
+    told = described(result)
+    return replace(told, kind=told.kind or type(result).__name__, rows=told.rows or told.dims[0])
+
+
+@singledispatch
+def described(result: Any) -> Table:
+    """What a kind registers of `table`."""
+    kinds = sorted(kind.__name__ for kind in described.registry if kind is not object)
     raise InputError(f"{type(result).__name__}: no table is made of it; give one of {', '.join(kinds)}")
 
 
@@ -37,9 +48,15 @@ def sheet(result: Any, /) -> Sheet:
 
 
 @singledispatch
-def content(result: Any, /) -> dict[str, Any]:
-    """Plain data of a result for JSON: of its table, unless its kind has keys of its own."""
-    return content_of(table(result))
+def content(result: Any, /, **options: Any) -> dict[str, Any]:
+    """Plain data of a result for JSON: of its table, with the keys that its kind has beside."""
+    return {**content_of(table(result)), **entries(result, **options)}
+
+
+@singledispatch
+def entries(result: Any, /) -> dict[str, Any]:
+    """Keys of JSON that a kind registers beside its table."""
+    return {}
 
 
 def content_of(told: Table) -> dict[str, Any]:
@@ -93,7 +110,7 @@ def kind_in_words(told: Table) -> str:
 
     Examples
     --------
-    >>> kind_in_words(Table("OrderTable", "wave", {}))
+    >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
     return re.sub(r"(?<=[a-z])([A-Z])", r" \1", told.kind).capitalize()
@@ -158,3 +175,68 @@ def _words(name: str) -> str:
 
 #: Parts of names that people write otherwise.
 _SPOKEN = {"peak_to_peak": "peak-to-peak", "heldout": "held-out", "sobol": "Sobol", "told": "determined"}
+
+
+# --- where a result comes from ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that a result was made from: path as given, SHA-256 of its bytes, size."""
+
+    path: str
+    sha256: str
+    bytes: int
+
+
+def input_files(paths: Sequence[str | os.PathLike[str]]) -> tuple[InputFile, ...]:
+    """Hash the files of a result, so that a report says what it was made from.
+
+    Parameters
+    ----------
+    paths : sequence of str or path-like
+
+    Returns
+    -------
+    tuple of InputFile
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from importlib import resources
+    >>> [file.bytes > 0 for file in input_files([resources.files("rverror") / "data" / "demo" / "model.toml"])]
+    [True]
+    """
+    found = []
+    for path in paths:
+        try:
+            raw = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: cannot read it for its hash ({error.strerror}); check the path") from error
+        found.append(InputFile(os.fspath(path), hashlib.sha256(raw).hexdigest(), len(raw)))
+    return tuple(found)
+
+
+def enveloped(
+    kind: str, content: Mapping[str, Any], files: Sequence[InputFile] = (), *, listed: str = "inputs"
+) -> dict[str, Any]:
+    """Content of a result with the kind of it, its input files and the version.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the result's class.
+    content : mapping
+    files : sequence of InputFile
+    listed : str
+        Key of the files.
+
+    Returns
+    -------
+    dict
+    """
+    return {"result": kind, **content, listed: [asdict(file) for file in files], "version": __version__}

@@ -21,8 +21,7 @@ from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
 from rverror.views.by_order import beside, samples_per_turn, turns_of
-from rverror.views.describing import content, content_of, listed, sheet, table
-from rverror.views.envelope import InputFile, enveloped
+from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows
 from rverror.views.model_report import name_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
@@ -97,7 +96,7 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 # --- table ------------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_bench: dict[str, Field] = {}
@@ -143,8 +142,6 @@ def _diagnosis_table(result: Diagnosis) -> Table:
     told |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
     return Table(
-        "Diagnosis",
-        "added",
         variables,
         told,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
@@ -275,7 +272,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
     signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
-    told = content_of(_diagnosis_table(diagnosis))
+    told = content_of(table(diagnosis))
     variables = {name: of for name, of in told["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = alike(OWN, "declared", "value", "low", "high")
     stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.told)}
@@ -336,7 +333,7 @@ def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    told, bench = _diagnosis_table(diagnosis), stated_bench(diagnosis)
+    told, bench = table(diagnosis), stated_bench(diagnosis)
     kinds = kinds_of_causes(diagnosis.passport)
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
     return (
@@ -394,7 +391,7 @@ def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
         for size in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
     )
     spread = f" ± {brief(bench.of('rms') / unit.size, 3)} ({BESIDE})" if bench else ""
-    fall = f"The held-out rms falls from {before} to {after}{spread} {unit.shown}; the noise has {noise}."
+    fall = f"The held-out rms falls from {before} to {after}{spread} {unit.shown}; the noise is {noise} {unit.shown}."
     causes = [added for added in diagnosis.added if _is_cause(added)]
     names = ", ".join(
         describe(added.effect.key, added.effect.indices) + _or_rivals(added.indistinguishable) for added in causes

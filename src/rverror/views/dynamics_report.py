@@ -15,7 +15,7 @@ from rverror.base.units import ARCSEC
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.fields import alike, arrays, rows
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
 
@@ -30,7 +30,7 @@ def _where(thing: Modes | SpeedResponse | RunUp) -> str:
 # --- modes ------------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _modes_table(result: Modes) -> Table:
     moved = [
         (f"{part} {motion}", _SHAPE[motion], row)
@@ -64,7 +64,7 @@ def _modes_table(result: Modes) -> Table:
     if result.estimated:
         noticed.append(f"estimated from the geometry, to some 30 %: {', '.join(result.estimated)}")
     about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated), "notes": "\n".join(noticed)}
-    return Table("Modes", "mode", variables, about, title=(_where(result),))
+    return Table(variables, about, title=(_where(result),))
 
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:
@@ -72,11 +72,10 @@ def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dic
     return {dim: Variable((dim,), list(values)), name: Variable((dim, "mode"), np.array(list(values.values())), unit)}
 
 
-@content.register
+@entries.register
 def _modes_content(found: Modes) -> dict[str, Any]:
     """Shapes at a modal mass of 1 kg."""
     return {
-        **content_of(table(found)),
         "modes": [
             {
                 "frequency_hz": float(frequency),
@@ -84,7 +83,7 @@ def _modes_content(found: Modes) -> dict[str, Any]:
                 "parts": {part: _motion(values[:, mode]) for part, values in found.shape.items()},
             }
             for mode, frequency in enumerate(found.frequency)
-        ],
+        ]
     }
 
 
@@ -104,7 +103,7 @@ def _most_of(shares: Mapping[str, Array]) -> list[str]:
 # --- error against speed ----------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _speeds_table(result: SpeedResponse) -> Table:
     parts: dict[str, Variable] = {}
     if result.by_effect is not None:
@@ -143,7 +142,7 @@ def _speeds_table(result: SpeedResponse) -> Table:
     speeds = count_of(result.speed.size, "input speed")
     none = f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl"
     sentences = () if result.critical_speeds else (none,)
-    return Table("SpeedResponse", "speed", variables, about, title=(_where(result), speeds), sentences=sentences)
+    return Table(variables, about, title=(_where(result), speeds), sentences=sentences)
 
 
 def _natural(result: SpeedResponse | RunUp) -> dict[str, Variable]:
@@ -169,7 +168,7 @@ def _cautions(thing: SpeedResponse) -> list[str]:
 # --- run-ups ----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _run_up_table(result: RunUp) -> Table:
     variables = {
         **arrays(
@@ -192,4 +191,4 @@ def _run_up_table(result: RunUp) -> Table:
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
         about["notes"] = f"from {first} s on contacts would have to pull: they open, and the error is no prediction"
-    return Table("RunUp", "sample", variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))
+    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))

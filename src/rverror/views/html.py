@@ -42,10 +42,11 @@ svg { display: block; max-width: 100%; min-width: 34rem; height: auto; backgroun
   .units thead { display: none; } .units tr { border-bottom: 1px solid var(--line); padding: .5rem 0; }
   .units td { border: 0; padding: .05rem 0; overflow-wrap: anywhere; } .units td:empty { display: none; }
   .units td:nth-child(4)::before { content: "rms before "; } .units td:nth-child(5)::before { content: "rms after "; } }
-@media print { :root { color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999; --panel: #fff;
-  --good: #000; }
-  body { max-width: none; font-size: 10pt; } figure, tr, .verdict { break-inside: avoid; }
-  h2, h3 { break-after: avoid; }
+@media print { :root { font-size: 10pt; color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999;
+  --panel: #fff; --good: #000; }
+  body { max-width: none; padding: 0; } figure, tr, .verdict { break-inside: avoid; }
+  h2, h3 { break-after: avoid; } .mpld3-toolbar, .mpld3-coordinates { display: none; }
+  details::details-content { content-visibility: visible; }
   table { width: auto; font-size: 8pt; } .scroll, pre { overflow: visible; } pre { white-space: pre-wrap; } }
 """
 

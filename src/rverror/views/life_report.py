@@ -11,7 +11,7 @@ from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.fields import OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, Table, Variable
 
@@ -28,7 +28,7 @@ def _each(changed: Sequence[Changed]) -> list[tuple[Changed, Grown]]:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _trend_table(result: Trend) -> Table:
     per = f"per_1000_{result.unit}s"
     variables = {
@@ -49,8 +49,6 @@ def _trend_table(result: Trend) -> Table:
     span = f"{sessions}, {brief(result.at[0])} to {brief(result.at[-1])} {result.unit}s"
     remains = (remaining_words(result),) if result.remaining else ()
     return Table(
-        "Trend",
-        "change",
         variables,
         about(result, "model", "conditions", "chance", "notes", time_unit=result.unit),
         title=(result.model, span),
@@ -66,7 +64,7 @@ def _per_thousand(grown: Grown) -> Interval:
     return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
 
 
-@table.register
+@described.register
 def _compared_table(result: RunsCompared) -> Table:
     fields: dict[str, Field] = {
         "order": NUMBER,
@@ -79,8 +77,6 @@ def _compared_table(result: RunsCompared) -> Table:
     orders = len({one.order for one in result.orders})
     strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
     return Table(
-        "RunsCompared",
-        "order",
         {**rows("order", result.orders, **fields), **_changes(result.changed)},
         about(result, "conditions", "noise", "notes"),
         title=("; ".join(result.conditions),),
@@ -111,7 +107,7 @@ def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
 # --- for programs -----------------------------------------------------------------------------------------------------
 
 
-@content.register
+@entries.register
 def _trend_content(result: Trend) -> dict[str, Any]:
     """None where something is not determined."""
     left, per = result.remaining, result.unit
@@ -130,14 +126,13 @@ def _trend_content(result: Trend) -> dict[str, Any]:
         "interval": ("1.change", OWN),
     }
     return {
-        **content_of(table(result)),
         "growing": [_changed(row, **growing) for row in _each(result.growing)],
         "jumps": [_changed(row, **jumps) for row in _each(result.jumps)],
         f"remaining_{per}s": None if time is None else [rounded(end) for end in (time.low, time.high)],
     }
 
 
-@content.register
+@entries.register
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
     orders = [
         entry(
@@ -149,7 +144,7 @@ def _compared_content(result: RunsCompared) -> dict[str, Any]:
         {"before": 0.0, **_changed(row, after=("1.change.value", OWN), interval=("1.change", OWN))}
         for row in _each(result.changed)
     ]
-    return {**content_of(table(result)), "changed": orders + causes}
+    return {"changed": orders + causes}
 
 
 def _changed(row: tuple[Changed, Grown], **fields: Field) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import diagnosis_content
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
@@ -39,7 +39,7 @@ def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
     return [(one, cause) for one in found for cause in one.causes]
 
 
-@table.register
+@described.register
 def _lot_table(result: Lot) -> Table:
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
@@ -81,8 +81,6 @@ def _lot_table(result: Lot) -> Table:
     }
     process = "process deviation deviation_interval unit above_zero share cp cpk units_needed"
     return Table(
-        "Lot",
-        "process",
         variables,
         about(result, "model", "units", "conditions", "chance", "notes"),
         title=(result.model, count_of(result.units, "unit")),
@@ -110,7 +108,7 @@ def _shifts(dim: str, found: Sequence[tuple[Any, Shift]], **before: Field) -> di
 # --- a lot: for programs ----------------------------------------------------------------------------------------------
 
 
-@content.register
+@entries.register
 def _lot_content(result: Lot) -> dict[str, Any]:
     """None where something is not determined."""
     predicted = [
@@ -126,7 +124,6 @@ def _lot_content(result: Lot) -> dict[str, Any]:
     worst = max(range(len(predicted)), key=lambda at: result.predicted[at].quantile.value, default=None)
     named: dict[str, Field] = {"chance": ("0.chance", NUMBER), "indistinguishable_from": "0.rivals"}
     return {
-        **content_of(table(result)),
         **entry(result, units=None, conditions=None, notes=None),
         "processes": list(_processes(result)),
         "outliers": [
@@ -269,7 +266,7 @@ def _size(one: Estimate) -> str:
 # --- drives -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _drive_lot_table(result: DriveLot) -> Table:
     sizes = alike(ANGLE, "least", "median", "most")
     own: dict[str, Field] = {"unit": "serial", "order": NUMBER, "distance": NUMBER, "chance": NUMBER, "condition": None}
@@ -292,8 +289,6 @@ def _drive_lot_table(result: DriveLot) -> Table:
     strong = f"Order in which the units' phases agree: {shared}"
     units_off = count_of(len({one.serial for one in result.own}), "unit")
     return Table(
-        "DriveLot",
-        "place",
         variables,
         about(result, "model", "conditions", "notes"),
         title=(result.model, count_of(len(result.serials), "unit")),
@@ -304,7 +299,7 @@ def _drive_lot_table(result: DriveLot) -> Table:
 # --- matched units ----------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _matched_table(result: Matched) -> Table:
     units = result.units
     left = [(kind, serial) for kind, serials in result.left.items() for serial in serials]
@@ -331,8 +326,6 @@ def _matched_table(result: Matched) -> Table:
     strong, good = f"{len(units)} of {result.possible} units", sum(unit.chance for unit in units)
     expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be." * (good < len(units))
     return Table(
-        "Matched",
-        "unit",
         variables,
         about(result, "model", "possible", "bound", "doubt", "notes"),
         title=(result.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
@@ -346,11 +339,10 @@ def _matched_table(result: Matched) -> Table:
     )
 
 
-@content.register
+@entries.register
 def _matched_content(result: Matched) -> dict[str, Any]:
     of_error = [at for at, one in enumerate(result.quantities) if one.span]
     return {
-        **content_of(table(result)),
         "units": [
             {
                 "parts": {place_name(part): part.serial for part in unit.parts},

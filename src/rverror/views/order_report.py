@@ -169,7 +169,7 @@ def alone(found: Sequence[Resonance]) -> str:
     return f"Order {orders} alone shows it: what happens at that speed would look the same." if orders else ""
 
 
-def law_of(one: Resonance, series: ResonantSeries, points: int = _CURVE) -> tuple[Any, Any]:
+def law_of(one: Resonance, series: ResonantSeries) -> tuple[Any, Any]:
     """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
-    frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), points)
+    frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), _CURVE)
     return frequency, np.abs(series.static + one.part(series, frequency))

@@ -16,8 +16,8 @@ from rverror.base.text import printable
 from rverror.base.version import __version__
 from rverror.diagnosis.result import Diagnosis
 from rverror.views.blocks import Heading, Notes, Sheet, Title, as_html, as_text, grid, line, section
+from rverror.views.describing import InputFile, enveloped
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.envelope import InputFile, enveloped
 from rverror.views.html import document, escaped
 from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw

@@ -23,7 +23,7 @@ from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
-from rverror.views.describing import content, content_of, sheet, sheet_of, table
+from rverror.views.describing import described, entries, sheet, sheet_of
 from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, rows, sized
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
@@ -114,14 +114,14 @@ def together_entry(found: Verified) -> dict[str, Any]:
 # --- tolerances -------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _tolerance_table(result: Tolerance) -> Table:
-    return Table("Tolerance", "tolerance", _widths([result]), title=(result.label,))
+    return Table(_widths([result]), title=(result.label,))
 
 
 def tolerances_table(result: Sequence[Tolerance]) -> Table:
     """Tolerances in a row."""
-    return Table("Tolerances", "tolerance", _widths(result))
+    return Table(_widths(result), kind="Tolerances")
 
 
 def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
@@ -146,7 +146,7 @@ def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
 # --- allocations ------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _allocation_table(result: Allocation) -> Table:
     own = Each("unit", tuple(map(unit_of, result.dimensions)))
     loaded = result.verified
@@ -178,14 +178,13 @@ def _allocation_table(result: Allocation) -> Table:
     strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
-        "Allocation",
-        "tolerance",
         variables,
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {_within(result)}",),
         verdict=(f"{strong}. {binds}", strong),
         sentences=_sentences(result),
         shown={"tolerance": shown},
+        rows="tolerance",
     )
 
 
@@ -206,11 +205,10 @@ def _sentences(found: Allocation) -> tuple[str, ...]:
     return tuple(told)
 
 
-@content.register
+@entries.register
 def _allocation_content(found: Allocation) -> dict[str, Any]:
     speed, loaded = found.speed, found.verified
     return {
-        **content_of(table(found)),
         "model": found.model or None,
         "cost_before": rounded(found.cost_before),
         "cost": rounded(found.cost),
@@ -237,7 +235,7 @@ def _within(found: Allocation) -> str:
 def front_table(result: Sequence[FrontPoint]) -> Table:
     """Least costs of several limits."""
     variables = rows("limit", result, limit=ANGLE, cost=("allocation.cost", NUMBER), reason=None)
-    return Table("Front", "limit", variables)
+    return Table(variables, kind="Front")
 
 
 #: Sizes of an output error, and what people call them.
@@ -253,15 +251,14 @@ _SHOWN = ("tolerance", "width", "unit", "share", "worst_peak_to_peak", "worst_pa
 # --- in closed form ---------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _budget_table(result: Budget) -> Table:
     return Table(
-        "Budget",
-        "tolerance",
         {**_nominal_and_worst(result), **_of_tolerances(result), **_of_angles(result)},
         title=(_counts(result),),
         sentences=_quiet(result),
         shown={"tolerance": _SHOWN},
+        rows="tolerance",
     )
 
 
@@ -334,17 +331,17 @@ def _quiet(closed: Budget) -> tuple[str, ...]:
 # --- of virtual units -------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _units_table(result: VirtualUnits) -> Table:
     variables = {
         **_quantiles(result),
         **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
     }
     title = (f"{result.count}, seed {result.seed}",)
-    return Table("VirtualUnits", "size", variables, {"seed": result.seed}, title=title)
+    return Table(variables, {"seed": result.seed}, title=title)
 
 
-@table.register
+@described.register
 def _error_budget_table(result: ErrorBudget) -> Table:
     return _told(result, None)
 
@@ -382,14 +379,14 @@ def _told(result: ErrorBudget, limit: Any | None) -> Table:
         sentences += yield_words(loaded.verified)
         sentences.append("Worst parts: those of the closed form, solved at the load.")
     return Table(
-        "ErrorBudget",
-        "tolerance",
         {**variables, **_of_angles(closed)},
         about if speed is None else {**about, "input_speed_rpm": units.to_display(speed, "angular_speed")},
         title=(name_of(result.model), _counts(closed), way(result.direction)),
         verdict=_verdict(result, limit),
         sentences=tuple(sentences),
         shown={"tolerance": shown},
+        rows="tolerance",
+        kind="ErrorBudget",
     )
 
 
@@ -435,12 +432,11 @@ def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Shee
     return sheet_of(_told(thing, limit))
 
 
-@content.register
+@entries.register
 def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> dict[str, Any]:
     """`limit` of the peak-to-peak is that at which the yield is told."""
     passed = None if limit is None else found.units.yield_at(limit)
     return {
-        **content_of(table(found)),
         "units": found.units.count,
         "seed": found.units.seed,
         "yield": passed and entry(passed, value=NUMBER, low=NUMBER, high=NUMBER),

@@ -206,7 +206,6 @@ def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
         f"added: {named}" if named else "nothing added",
         x="score behind the best, fall of the objective by a linear step (a number)",
         xlim=(None, None) if ranking else (0, 1),
-        columns=2,
     )
 
 

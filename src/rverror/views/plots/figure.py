@@ -40,6 +40,7 @@ _DECADES = 3.0  # of the colours of a map, down from the largest
 _LETTER = 0.55  # of the size of a font, the width of its letters in the mean
 _MARGIN = 1.2  # inches of the width of a cell that labels and ticks take
 _KEY = 9  # letters that a legend's line and the gap after it take
+_COLUMNS = 4  # of a legend under the axes, at the most
 _PAD = 4.2  # letters from axes to the legend under them: ticks and label
 _BESIDE = 0.42  # of the width of a cell, for a legend beside the axes
 _FEWEST_BESIDE = 33  # letters; where there is no room for them a legend stands under the axes
@@ -210,7 +211,6 @@ def labelled(
     x: str,
     y: str = "",
     legend: Literal["below", "beside", ""] = "below",
-    columns: int = 3,
     legend_title: str | None = None,
     **limits: Any,
 ) -> Axes:
@@ -220,7 +220,7 @@ def labelled(
     if legend == "beside":
         legend_beside(ax, title=legend_title)
     elif legend:
-        legend_below(ax, columns=columns)
+        legend_below(ax, title=legend_title)
     return ax
 
 
@@ -284,11 +284,11 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     return tuple(one[kept] for one in (x, *rows))
 
 
-def legend_below(ax: Axes, *, columns: int = 3, title: str | None = None) -> None:
+def legend_below(ax: Axes, *, title: str | None = None) -> None:
     """Legend under the axes and their label, where it hides no line."""
     room = letters(ax, "small")
     longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
-    columns = max(1, min(columns, room // (longest + _KEY)))
+    columns = max(1, min(_COLUMNS, room // (longest + _KEY)))
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
     _legend(ax, room, bbox_to_anchor=(0, 0), borderaxespad=_PAD, ncols=columns, fontsize="small", title=title)
 

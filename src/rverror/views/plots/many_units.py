@@ -173,9 +173,7 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
         (seen[0], at - 0.12, "^", _MEASURED, "white", "measured, mean"),
     ):
         ax.plot(x, y, mark, color=colour, mfc=face, ms=6, label=label)
-    return labelled(
-        ax, "Units to come", *_of(found), x="peak-to-peak transmission error, arcsec", xlim=(0, None), columns=2
-    )
+    return labelled(ax, "Units to come", *_of(found), x="peak-to-peak transmission error, arcsec", xlim=(0, None))
 
 
 def _shown(found: Lot) -> list[MadeBy]:

@@ -95,7 +95,7 @@ def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Arra
     ax.axvline(0, color=style.BLACK, lw=0.4)
     held = f"{shown} over {angles} angles" if angles > 1 else ""
     x, y = "torque on the output, N*m", "turn of the output, arcsec"
-    return labelled(ax, what, "input held", held, x=x, y=y, columns=2)
+    return labelled(ax, what, "input held", held, x=x, y=y)
 
 
 def _lost_motion(torque: Array, angle: Array, rated: Any) -> tuple[Array, Array] | None:
@@ -187,7 +187,7 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
         mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
     y = f"largest pressure, {shown_unit('pressure')}"
-    return over_angle(ax, "contact pressure", y=y, ylim=(0, None), columns=2)
+    return over_angle(ax, "contact pressure", y=y, ylim=(0, None))
 
 
 def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:

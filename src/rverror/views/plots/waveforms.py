@@ -330,4 +330,4 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
         ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **style.line_style(number))
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}", columns=4)
+    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")
