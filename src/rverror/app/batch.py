@@ -411,9 +411,7 @@ def overview(batch: Batch, title: str) -> str:
     rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]
     heads = ("unit", "verdict", "causes, or what went wrong", "rms before", "rms after")
     notes = "".join(f'<p class="soft">{escaped(note)}</p>' for note in batch.notes)
-    told = (
-        "rms of what the model leaves of stretches that the fit did not see: of the declared model, and with the causes"
-    )
+    told = "rms: residual of stretches that no fit saw, of the declared model and with the causes that were added"
     body = (
         f'<h1>{escaped(title)}</h1>\n<p class="soft">{len(ordered)} units, rverror {escaped(__version__)}</p>\n'
         f'<p>{escaped(counts)}</p>\n<div class="units">{table(heads, rows, numbers=(3, 4))}</div>\n'

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from rverror.base import units
-from rverror.base.numbers import count_of
+from rverror.base.numbers import brief, count_of
+from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.table_files import WrittenTable, correction_json, table_told
 from rverror.runs.measuring_chain import uncertainty_of
@@ -30,19 +31,19 @@ def _table(result: Compensation) -> Table:
         **rows("order", result.orders, order=NUMBER, amplitude=ANGLE, left=ANGLE, law=None, frames=None),
         **(arrays("order", of_orders, bench_uncertainty=("", ANGLE)) if of_orders else {}),
     }
-    stays = [f"Stays: {text}" for text in result.stays]
+    stays = [f"Remains: {text}" for text in result.stays]
     if bench is not None:
         stays.append(of_figures(bench))
         if result.worth:
             stays.append(_BENCH_REPEATS)
+    strong = f"{count_of(len(result.orders), 'order')} compensated" if result.worth else "Nothing to compensate"
+    before, after = (brief(one.rms / ARCSEC, 3) for one in (result.before, result.after))
+    fall = f": the held-out rms falls from {before} to {after} arcsec" if result.worth else ""
     return Table(
         variables,
         about(result, "index", "stays", "notes", model=name_of(result.model)),
         title=(name_of(result.model),),
-        verdict=(
-            f"{count_of(len(result.orders), 'order')} compensated" if result.worth else "nothing to compensate",
-            "",
-        ),
+        verdict=(f"{strong}{fall}.", strong),
         sentences=tuple(stays),
         rows="order",
     )

@@ -21,7 +21,7 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.version import __version__
-from rverror.views.blocks import Ends, Sentence, Sheet, facts, grid, notes, section, title
+from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
 from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
@@ -86,23 +86,39 @@ def _plain(value: Any) -> Any:
 
 def sheet_of(told: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
-    single = {
-        _words(
-            name
-        ): f"{brief(variable.shown(display=True).item())} {unit_for_people(variable.unit_text(display=True))}"
-        for name, variable in told.variables.items()
-        if not variable.dims
-    }
     others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
-    return (
+    blocks = (
         *title(kind_in_words(told), *told.title),
         *((Sentence(*told.verdict),) if told.verdict[0] else ()),
-        *facts({**single, **told.facts}),
+        *facts({**_single_numbers(told), **told.facts}),
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
-        *(block for dim in others for block in section(_words(dim).capitalize(), *listed(told, dim))),
+    )
+    sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
+    return (
+        *blocks,
+        *line(_COUNTED if re.search(_INDEX, as_text(blocks + sections)) else ""),
+        *sections,
         *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
     )
+
+
+def _single_numbers(told: Table) -> dict[str, str]:
+    """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
+    shown = {name: of.shown(display=True).item() for name, of in told.variables.items() if not of.dims}
+    facts_of = {}
+    for name, value in shown.items():
+        base = name.removesuffix("_value")
+        ends = [shown[f"{base}_{end}"] for end in ("low", "high") if f"{base}_{end}" in shown]
+        unit = unit_for_people(told.variables[name].unit_text(display=True))
+        if not name.endswith(("_low", "_high")):
+            facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
+    return facts_of
+
+
+def _heading(dim: str) -> str:
+    """Heading of the rows along a dimension."""
+    return _HEADINGS.get(dim, _words(dim).capitalize())
 
 
 def kind_in_words(told: Table) -> str:
@@ -174,7 +190,39 @@ def _words(name: str) -> str:
 
 
 #: Parts of names that people write otherwise.
-_SPOKEN = {"peak_to_peak": "peak-to-peak", "heldout": "held-out", "sobol": "Sobol", "told": "determined"}
+_SPOKEN = {
+    "peak_to_peak": "peak-to-peak",
+    "heldout": "held-out",
+    "sobol": "Sobol",
+    "told": "determined",
+    "theta": "output angle",
+    "crawl": "low-speed",
+    "pulled": "tensile share,",
+    "held_by": "set by",
+    "above_zero": "significant",
+    **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
+}
+#: Headings of rows whose dimension is no word for people.
+_HEADINGS = {
+    "change": "Causes of the change",
+    "condition": "Output error by condition",
+    "critical": "Critical speeds",
+    "group": "Groups that differ",
+    "limit_at_load": "Limits under load",
+    "mode": "Natural frequencies",
+    "order": "Orders",
+    "outlier": "Units that do not belong to the lot",
+    "own": "Units that differ from the others",
+    "pair": "Pairs of nearly equal units",
+    "part": "Losses by part",
+    "shift": "Systematic errors",
+    "size": "Output error of the units",
+    "stage": "Before and after",
+    "unseen": "Measurements that no fit saw",
+    "way": "Ways to assemble",
+}
+_INDEX = r"\b(crank|disc|pin) \d"
+_COUNTED = "Cranks, discs and pins are counted from 0."
 
 
 # --- where a result comes from ----------------------------------------------------------------------------------------

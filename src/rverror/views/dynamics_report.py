@@ -42,7 +42,7 @@ def _modes_table(result: Modes) -> Table:
         **arrays(
             "mode",
             result,
-            mode=(lambda one: np.arange(one.frequency.size), NUMBER),
+            mode=(lambda one: 1 + np.arange(one.frequency.size), NUMBER),
             frequency=HERTZ,
             damping_ratio=NUMBER,
             of_sun_support=None,
@@ -97,7 +97,7 @@ def _most_of(shares: Mapping[str, Array]) -> list[str]:
     """What has most of each mode's energy; a free motion is held by nothing."""
     names, rows_of = list(shares), np.array(list(shares.values()))
     most = rows_of.argmax(axis=0)
-    return [names[at] if rows_of[at, mode] > 0 else "nothing" for mode, at in enumerate(most)]
+    return [names[at].replace("_", " ") if rows_of[at, mode] > 0 else "nothing" for mode, at in enumerate(most)]
 
 
 # --- error against speed ----------------------------------------------------------------------------------------------
@@ -140,9 +140,19 @@ def _speeds_table(result: SpeedResponse) -> Table:
     }
     about = {"direction": way(result.direction), "notes": "\n".join(_cautions(result))}
     speeds = count_of(result.speed.size, "input speed")
-    none = f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl"
-    sentences = () if result.critical_speeds else (none,)
-    return Table(variables, about, title=(_where(result), speeds), sentences=sentences)
+    title = (result.reducer.name, _where(result), speeds)
+    return Table(variables, about, title=title, verdict=_speeds_verdict(result))
+
+
+def _speeds_verdict(result: SpeedResponse) -> tuple[str, str]:
+    """The critical speed with the largest amplitude, and the words of it to be read first."""
+    if not result.critical_speeds:
+        strong = "No critical speed"
+        return f"{strong}: no order reaches {CRITICAL:g} times its amplitude at very low speed.", strong
+    top = max(result.critical_speeds, key=lambda one: one.amplitude)
+    strong = f"Order {top.order:g} is largest at {with_unit(top.speed, 'angular_speed')}"
+    size = f"{brief(top.amplitude / ARCSEC, 3)} arcsec, {brief(top.growth, 3)} times its amplitude at very low speed"
+    return f"{strong}: {size}; the natural frequency there is {brief(top.frequency, 3)} Hz.", strong
 
 
 def _natural(result: SpeedResponse | RunUp) -> dict[str, Variable]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import count_of, with_unit
+from rverror.base.numbers import brief, count_of, with_unit
 from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyEfficiency, DutyPhase, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
@@ -110,7 +110,10 @@ def _efficiency_table(result: Efficiency) -> Table:
     where = f"{with_unit(result.torque, 'torque')}, {ways(result.direction)}, the {result.drives} drives"
     locked = ("self-locking: at some angle the output cannot drive it",) if result.self_locking else ()
     angles = count_of(result.theta.size, "angle")
-    return Table(variables, about, title=(where, angles), sentences=locked)
+    part, share = max(result.by_part.items(), key=lambda one: one[1])
+    strong = f"Mean efficiency {brief(100 * result.mean, 3)} %"
+    most = f"{strong}; the largest loss is that of {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
+    return Table(variables, about, title=(where, angles), verdict=(most, strong), sentences=locked)
 
 
 def efficiencies_table(result: Sequence[Efficiency]) -> Table:
@@ -204,9 +207,12 @@ def _wear_table(result: Wear) -> Table:
         **arrays("hour pin", result, each_pin=LENGTH),
         **_duty(result.duty),
     }
+    new, worn = (with_unit(float(result.lost_motion[at]), "angle") for at in (0, -1))
+    strong = f"Lost motion {new} new, {worn} after {brief(float(result.hours[-1]))} h"
     return Table(
         variables,
         {"model": name_of(result.model)},
+        verdict=(f"{strong}.", strong),
         title=(duty_words(result.duty),),
         shown={"phase": (), "duty_phase": ()},
     )

@@ -174,14 +174,16 @@ def _allocation_table(result: Allocation) -> Table:
         **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
-    binds = "The limit holds some widths." if "limit" in result.held_by else "Bounds and grades alone hold the widths."
+    binds = (
+        "The limit determines some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
+    )
     strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {_within(result)}",),
-        verdict=(f"{strong}. {binds}", strong),
+        verdict=(f"{strong}. {binds}.", strong),
         sentences=_sentences(result),
         shown={"tolerance": shown},
         rows="tolerance",
@@ -192,7 +194,7 @@ def _sentences(found: Allocation) -> tuple[str, ...]:
     """What is limited, what the rates are, how good the widths are."""
     check, loaded = found.closed_form, found.verified
     limits = "all limits" if found.kind == "load" else "the limit"
-    told = [f"Used: share of {limits} that {_limited_by(found)} uses."]
+    told = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
     if found.shadow_price is not None:
         told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
     if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):

@@ -36,6 +36,7 @@ _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell ar
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
+_KINDS = {"worst": "worst case", "yield": "yield"}
 _SHOWN = 15  # bars for which there is room
 
 
@@ -126,7 +127,7 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
 
 
 def _within(found: Allocation) -> str:
-    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {found.kind}"
+    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {_KINDS[found.kind]}"
 
 
 def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
