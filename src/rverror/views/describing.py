@@ -22,10 +22,11 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
-from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
+from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
+_PERCENT_DIGITS = 2  # behind the point
 
 
 def table(result: Any) -> Table:
@@ -141,6 +142,9 @@ def listed(told: Table, dim: str) -> Sheet:
         return ()
     for own in set(arrays) - set(units):  # units of the rows
         arrays[own] = list(map(unit_for_people, arrays[own]))
+    for name in arrays:
+        if units.get(name) == PERCENT.shown:
+            arrays[name] = np.round(arrays[name], _PERCENT_DIGITS) + 0.0
     columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
     chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
     count = len(columns[chosen[0]]) if chosen else 0

@@ -28,6 +28,7 @@ from rverror.views.order_report import alone, kinds_of_causes, passport_json, pa
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
+_NAMED = 6  # rivals of a cause
 _RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
 _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 
@@ -251,7 +252,7 @@ def _folds(line: Line, diagnosis: Diagnosis) -> str:
     """Orders above half of the sampling that would show where a line is."""
     sampling = samples_per_turn(diagnosis)
     if math.isinf(sampling):
-        return "not known: the sampling is not kept"
+        return ""  # the sampling is not kept
     found = [fold for fold in folds(diagnosis.declared.mechanism, line.order, sampling) if fold.frames]
     return ", ".join(f"{brief(fold.order)} ({'; '.join(fold.frames)})" for fold in found)
 
@@ -342,7 +343,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
         *listed(told, "stage"),
         *line(_credit(diagnosis)),
         *listed(told, "added"),
-        *(sentence for one in diagnosis.added for sentence in _about(one, diagnosis)),
+        *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
         *_steps(diagnosis),
         *section(
             "Lines that no source of the catalogue explains",
@@ -445,12 +446,13 @@ def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
     name, orders = describe(one.effect.key, indices), ", ".join(brief(order) for order in one.orders)
     summary, frame = (known.summary, known.frame) if known else ("a source of your own", "")
     fixed = f", fixed in the {frame}" if frame in _PARTS and not isinstance(diagnosis.declared.mechanism, Drive) else ""
-    counted = "; indices count from 0" if any(isinstance(value, int) for value in indices.values()) else ""
+    counted = "; cranks, discs and pins are counted from 0" if {"crank", "disc", "pin"} & set(indices) else ""
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
     yield Sentence(f"{name}: {summary}{fixed}; it {shows}{counted}.")
     if one.indistinguishable:
-        others = ", ".join(describe(*other) for other in one.indistinguishable)
-        yield Sentence(f"These runs cannot tell {name} from {others}.")
+        others = [describe(*other) for other in one.indistinguishable]
+        more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+        yield Sentence(f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}.")
     yield from (Sentence(f"{name}: {note}.") for note in one.notes)
 
 

@@ -67,7 +67,7 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
 
 def kinds_of_causes(found: Sequence[OrderPassport]) -> list[str]:
     """A sentence for each kind of causes that an order may come from."""
-    return [f"Order {brief(one.order, 6)} may come from: {kind}." for one in found for kind in one.kinds]
+    return [f"Order {brief(one.order, 6)}: {kind}." for one in found for kind in one.kinds]
 
 
 def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> list[dict[str, Any]]:
