@@ -98,7 +98,7 @@ def sheet_of(told: Table) -> Sheet:
     sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
     return (
         *blocks,
-        *line(_COUNTED if re.search(_INDEX, as_text(blocks + sections)) else ""),
+        *line(_COUNTED if told.verdict[0] and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
         *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
     )

@@ -112,7 +112,7 @@ def _efficiency_table(result: Efficiency) -> Table:
     angles = count_of(result.theta.size, "angle")
     part, share = max(result.by_part.items(), key=lambda one: one[1])
     strong = f"Mean efficiency {brief(100 * result.mean, 3)} %"
-    most = f"{strong}; the largest loss is that of {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
+    most = f"{strong}; largest loss: {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
     return Table(variables, about, title=(where, angles), verdict=(most, strong), sentences=locked)
 
 
