@@ -197,7 +197,9 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     words = ["lot", "lot", "--model", "lot/drive.toml"]
     assert main([*words, "--json", "lot.json", "--html", "lot.html"]) == 0
     printed = capsys.readouterr().out
-    assert "Order in which the units' phases agree: 4; 1 unit off the others; pairs nearly equal: 1" in printed
+    assert (
+        "Order 4 has the same phase in all units. Differing from the others: 1 unit; nearly equal: 1 pair." in printed
+    )
     told = json.loads(Path("lot.json").read_text("utf-8"))
     assert told["variables"]["own_unit"]["values"] == ["u7"]
     assert told["variables"]["order"]["values"] == [one.order for one in found.orders]

@@ -26,7 +26,7 @@ from rverror.views.variables import LONG, PERCENT, Table, columns as columns_alo
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
-_PERCENT_DIGITS = 2  # behind the point
+_NO_SHARE = 0.005  # percent, below which a share is told as none
 
 
 def table(result: Any) -> Table:
@@ -144,7 +144,7 @@ def listed(told: Table, dim: str) -> Sheet:
         arrays[own] = list(map(unit_for_people, arrays[own]))
     for name in arrays:
         if units.get(name) == PERCENT.shown:
-            arrays[name] = np.round(arrays[name], _PERCENT_DIGITS) + 0.0
+            arrays[name] = np.where(np.abs(arrays[name]) < _NO_SHARE, 0.0, arrays[name])
     columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
     chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
     count = len(columns[chosen[0]]) if chosen else 0

@@ -174,9 +174,7 @@ def _allocation_table(result: Allocation) -> Table:
         **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
-    binds = (
-        "The limit determines some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
-    )
+    binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
     strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(

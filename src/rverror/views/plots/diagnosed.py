@@ -202,7 +202,9 @@ def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     named = ", ".join(plain(describe(one.effect.key, one.effect.indices)) for one in diagnosis.added)
     return labelled(
         ax,
-        f"candidates: the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "no candidate was scored",
+        f"candidates: the best lowers the objective by {brief(ranking[0].heldout_gain, 3)}"
+        if ranking
+        else "no candidate was scored",
         f"added: {named}" if named else "nothing added",
         x="score behind the best, fall of the objective by a linear step (a number)",
         xlim=(None, None) if ranking else (0, 1),
