@@ -74,7 +74,7 @@ class Listing:
                 groups[-1].append(at)
             elif at:
                 groups.append([at])
-        cells = [[head[:_HEAD], *(row[at] for row in self.cells())] for at, head in enumerate(self.heads)]
+        cells = [[head[:_HEAD], *(row[at][:_WIDEST] for row in self.cells())] for at, head in enumerate(self.heads)]
         letters = [2 + max(map(len, column)) for column in cells]
         part = [0]
         for group in groups:
