@@ -21,6 +21,7 @@ from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, over_angle, shown_unit
 
 _PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
+_WITHOUT_TURNING = 7  # bars whose texts fit beside one another
 _ROOM = 1.35  # times the highest bar, with the efficiency written above it
 _MARKS = "os^D"  # one for each kind of contact
 
@@ -141,15 +142,15 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
         top += height
     for x, high, one in zip(place.tolist(), top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
-    cases = [_case(one) for one in listed]
-    common = cases[0] if len(set(cases)) == 1 else ""
+    cases = list(zip(*map(_case, listed), strict=True))
     loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
-    ticks = loads if common else [f"{load}, {case}" for load, case in zip(loads, cases, strict=True)]
-    ax.set_xticks(place, ticks, fontsize="small", rotation=0 if common else 90)
+    differing = [words for words in cases if len(set(words)) > 1]
+    ticks = ["\n".join(words) for words in zip(loads, *differing, strict=True)]
+    ax.set_xticks(place, ticks, fontsize="small", rotation=90 if differing and len(ticks) > _WITHOUT_TURNING else 0)
     return labelled(
         ax,
         "losses to friction, above them the efficiency",
-        common,
+        *(words[0] for words in cases if words not in differing),
         x="torque on the output, N*m",
         y="lost of the work put in, %",
         xlim=(-1.0, len(listed)),
@@ -158,10 +159,10 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     )
 
 
-def _case(one: Efficiency) -> str:
+def _case(one: Efficiency) -> tuple[str, str]:
     """What drives, and which way it goes."""
     ways = {way(sense) for sense in one.direction.tolist()}
-    return f"{one.drives} drives, {ways.pop() if len(ways) == 1 else 'mixed'}"
+    return f"{one.drives} drives", ways.pop() if len(ways) == 1 else "mixed"
 
 
 def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
