@@ -43,8 +43,8 @@ def test_bars_are_the_shares_and_the_efficiency_stands_above() -> None:
     tops = [100 * (1 - one.mean) for one in by_load]  # what is lost and what comes out are the whole
     assert [text.get_position()[1] for text in ax.texts] == pytest.approx(tops)
     ticks = [tick.get_text() for tick in ax.get_xticklabels()]
-    assert ticks[:4] == [f"20\n{side} drives\n{way}" for side in ("input", "output") for way in ("forward", "reverse")]
-    assert ticks[-1] == "412\noutput drives\nreverse"
+    assert ticks[:4] == [f"20, {side} drives, {way}" for side in ("input", "output") for way in ("forward", "reverse")]
+    assert ticks[-1] == "412, output drives, reverse"
 
 
 def test_what_all_bars_share_is_said_once() -> None:

@@ -145,8 +145,9 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     cases = list(zip(*map(_case, listed), strict=True))
     loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
     differing = [words for words in cases if len(set(words)) > 1]
-    ticks = ["\n".join(words) for words in zip(loads, *differing, strict=True)]
-    ax.set_xticks(place, ticks, fontsize="small", rotation=90 if differing and len(ticks) > _WITHOUT_TURNING else 0)
+    joint, turned = ("\n", 0) if len(listed) <= _WITHOUT_TURNING or not differing else (", ", 90)
+    ticks = [joint.join(words) for words in zip(loads, *differing, strict=True)]
+    ax.set_xticks(place, ticks, fontsize="small", rotation=turned)
     return labelled(
         ax,
         "losses to friction, above them the efficiency",
