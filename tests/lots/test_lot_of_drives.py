@@ -203,7 +203,7 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     told = json.loads(Path("lot.json").read_text("utf-8"))
     assert told["variables"]["own_unit"]["values"] == ["u7"]
     assert told["variables"]["order"]["values"] == [one.order for one in found.orders]
-    assert "<h2>Pair</h2>" in Path("lot.html").read_text("utf-8")
+    assert "<h2>Pairs of nearly equal units</h2>" in Path("lot.html").read_text("utf-8")
     assert main([*words, "--compress", "lot.jsonl"]) == 0
     capsys.readouterr()
     assert main(["lot", "lot.jsonl", "--model", "lot/drive.toml"]) == 0

@@ -202,7 +202,6 @@ _SPOKEN = {
     "theta": "output angle",
     "crawl": "low-speed",
     "pulled": "tensile share,",
-    "held_by": "set by",
     "above_zero": "significant",
     **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
 }

@@ -97,7 +97,7 @@ def _most_of(shares: Mapping[str, Array]) -> list[str]:
     """What has most of each mode's energy; a free motion is held by nothing."""
     names, rows_of = list(shares), np.array(list(shares.values()))
     most = rows_of.argmax(axis=0)
-    return [names[at].replace("_", " ") if rows_of[at, mode] > 0 else "nothing" for mode, at in enumerate(most)]
+    return [names[at] if rows_of[at, mode] > 0 else "nothing" for mode, at in enumerate(most)]
 
 
 # --- error against speed ----------------------------------------------------------------------------------------------
