@@ -20,6 +20,7 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
+from rverror.base.numbers import brief
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
@@ -31,7 +32,7 @@ from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.describing import input_files
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.html import document, escaped, number, table
+from rverror.views.html import document, escaped, table
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
@@ -424,10 +425,8 @@ def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
     name, failed = escaped(outcome.unit), outcome.state == "failed"
     link = name if failed else f'<a href="{quote(outcome.unit)}.html">{name}</a>'
     causes = escaped(outcome.error) if failed else "<br>".join(map(escaped, outcome.keys)) or "none"
-    sizes = [
-        "" if size is None else f"{number(size)} {escaped(outcome.rms_unit)}"
-        for size in (outcome.before, outcome.after)
-    ]
+    unit = escaped(outcome.rms_unit)
+    sizes = ["" if size is None else f"{brief(size)} {unit}" for size in (outcome.before, outcome.after)]
     return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
 
 

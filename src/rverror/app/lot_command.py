@@ -151,4 +151,4 @@ def _write(found: Lot | DriveLot, options: argparse.Namespace) -> None:
         if text:
             write_output(options.save, text)
         else:
-            tell(f"{options.save}: not written, no process is told from none; measure more units")
+            tell(f"{options.save}: not written, no process has a significant scatter; measure more units")

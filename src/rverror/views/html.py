@@ -7,7 +7,6 @@ from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
 
-from rverror.base.numbers import brief
 from rverror.base.text import printable
 
 _STYLE = """
@@ -92,13 +91,6 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Seque
 def scrolled(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
     """`table` within a box that scrolls where it is too wide."""
     return f'<div class="scroll" tabindex="0">{table(heads, rows, numbers=numbers)}</div>'
-
-
-def number(value: float | None) -> str:
-    """Number as in the JSON, to four digits, with its full digits at hand; a dash where there is none."""
-    if value is None:
-        return "–"
-    return f'<data value="{value!r}">{brief(value)}</data>'
 
 
 def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:

@@ -46,7 +46,7 @@ from rverror.base.viewed import Viewed
 from rverror.diagnosis.result import Trace
 from rverror.dynamics import modes, run_up, speed_response
 from rverror.geartrain import Friction
-from rverror.model import Bench, Equilibrium
+from rverror.model import Bench
 from rverror.runs import orders_from_arrays
 from rverror.statics import WearCoefficients, hysteresis, torsion_curve, wear
 from rverror.tolerances.cost import Reciprocal
@@ -356,7 +356,6 @@ TORQUES = run_from_arrays(output_angle=THETA, direction="forward", extra={"torqu
 NEEDED: dict[tuple[type, str], dict[str, Any]] = {
     (Run, "waveform"): {"ratio": 121.0},
     (Run, "spectrum"): {"ratio": MODEL},
-    (Equilibrium, "spectrum"): {"mechanism": MODEL.mechanism},
 }
 
 

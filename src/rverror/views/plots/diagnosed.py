@@ -136,7 +136,7 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
     what = "seen by no fit" if trace.unseen else "stretches left out"
     rows = {"measured": trace.before[rank], f"compensated, {what}": trace.after[rank]}
     _before_and_after(ax, trace.theta[rank], rows, "angle")
-    return over_angle(ax, *_unit(made), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
+    return over_angle(ax, unit_name(made.model), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
 
 
 def _before_and_after(ax: Axes, theta: Array, rows: Mapping[str, Array], quantity: str) -> None:
@@ -171,12 +171,8 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    title = ["orders compensated", *_unit(made), of]
+    title = ["orders compensated", unit_name(made.model), of]
     return labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit('angle')}", yscale="log")
-
-
-def _unit(made: Compensation) -> list[str]:
-    return [] if made.model is None else [unit_name(made.model)]
 
 
 def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:

@@ -209,9 +209,7 @@ def run_spectrum(
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
-def state_spectrum(
-    state: Equilibrium, *, mechanism: Mechanism | None = None, highest: float | None = None, ax: Axes | None = None
-) -> Axes:
+def state_spectrum(state: Equilibrium, *, highest: float | None = None, ax: Axes | None = None) -> Axes:
     """Order spectrum of the transmission error of a loaded state at even angles, with the causes of its peaks.
 
     A peak has the name of the declared effect that makes most of it in closed form at the same angles, at which orders
@@ -220,8 +218,6 @@ def state_spectrum(
     Parameters
     ----------
     state : Equilibrium
-    mechanism : Reducer, optional
-        For the frames of the peaks, of a state that does not know its model.
     highest : float, optional
         As in `model_spectrum`.
 
@@ -235,16 +231,13 @@ def state_spectrum(
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
-    unit = mechanism if state.model is None else state.model.mechanism
-    frame, where = _namer(unit, found), state.conditions
-    causes: Callable[..., str] | None = None
-    if state.model is not None and where is not None:
-        alone = in_shown_unit(transmission_error_by_effect(state.model, where), "angle")
-        causes = causes_of(state.model, where.theta, alone)
+    frame = _namer(state.model.mechanism, found)
+    alone = in_shown_unit(transmission_error_by_effect(state.model, state.conditions), "angle")
+    causes = causes_of(state.model, angle, alone)
 
     def name(order: float) -> str:
         size = float(found.size[int(np.argmin(np.abs(found.order - order)))])
-        return (causes(order, size) if causes else "") or frame(order)
+        return causes(order, size) or frame(order)
 
     return draw_lines([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
 

@@ -310,12 +310,11 @@ def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
 
 
 def state_title(state: Equilibrium) -> list[str]:
-    """Unit, load and direction of a loaded state, as far as it knows them."""
-    told = [] if state.model is None else [unit_name(state.model)]
+    """Unit, load and direction of a loaded state."""
     where = state.conditions
-    if where is not None:
-        told += stated(torque=where.torque if where.load is None else where.load, direction=where.direction)
-    return [*told, "loaded equilibrium"]
+    assert where is not None  # as `equilibrium` gives it
+    load = where.torque if where.load is None else where.load
+    return [unit_name(state.model), *stated(torque=load, direction=where.direction), "loaded equilibrium"]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
