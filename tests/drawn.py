@@ -27,7 +27,9 @@ def line(ax: Axes, label: str) -> tuple[Any, Any]:
 
 
 def stems(ax: Axes, label: str) -> tuple[Any, Any]:
-    """Places and heights of vertical lines."""
+    """Places and heights of vertical lines, or of rings at their ends."""
+    if any(item.get_label() == label for item in ax.get_lines()):
+        return line(ax, label)
     (found,) = [c for c in ax.collections if isinstance(c, LineCollection) and c.get_label() == label]
     ends = np.array([segment[1] for segment in found.get_segments()])
     return ends[:, 0], ends[:, 1]

@@ -17,7 +17,7 @@ DOCS = Path(__file__).parents[1]
 FOLDER = "gallery"
 _COLUMNS = 3
 _WIDTH = 720  # px
-_COLOURS = 48  # of a palette: what lines, hatches and their soft edges need
+_COLOURS = 80  # of a palette: what lines, hatches, maps and their soft edges need
 _BEGIN, _END = "<!-- gallery, written by docs/_ext/gallery.py -->", "<!-- end of gallery -->"
 
 #: What the lines below draw; everything is simulated.

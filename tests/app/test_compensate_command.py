@@ -48,7 +48,7 @@ def test_a_table_and_results_with_a_run_that_no_fit_saw(
     assert "no reverse run: nothing is corrected in that direction" in out
     assert "a zero that slips by 1 deg" in out
     page = Path("o.html").read_text()
-    assert "<h2>Unseen</h2>" in page
+    assert "<h2>Measurements that no fit saw</h2>" in page
     assert "<svg" in page
     assert {e.key for e in rverror.load_model("new.toml").effects} == {"compensation.wave"}
 
@@ -80,7 +80,7 @@ def test_where_nothing_survives_nothing_is_written_and_it_says_why(
     told = json.loads(Path("o.json").read_text())
     assert (told["worth"], told["table"], told["variables"]["order"]["values"]) == (False, None, [])
     out, err = capsys.readouterr()
-    assert "nothing to compensate" in out
+    assert "Nothing to compensate" in out
     assert "stands out of the noise by more than chance" in out
     assert "t.csv: not written, nothing survives on data left out" in err
 

@@ -74,7 +74,7 @@ def test_nothing_above_zero_leaves_no_tolerance_file(
     nothing = rverror.lots.Lot("unit", 3, (), (), (), (), {}, (), (), (), (), 0.5)
     monkeypatch.setattr(lot_command, "lot", lambda *_, **__: nothing)
     assert main(["lot", "lot", "--model", "model.toml", "--save", "made.toml"]) == 0
-    assert "not written, no process is told from none" in capsys.readouterr().err
+    assert "not written, no process has a significant scatter" in capsys.readouterr().err
     assert not Path("made.toml").exists()
 
 

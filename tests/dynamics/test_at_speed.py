@@ -468,8 +468,8 @@ def test_speeds_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert told["critical_order"]["values"][0] == 40
     assert told["critical_speed"]["values"][0] == pytest.approx(found.critical_speeds[0].speed / RPM)
     printed = capsys.readouterr().out
-    assert printed.startswith("Speed response: 60 N*m, reverse, 21 input speeds\n")
-    assert "Critical\n--------\nspeed, rpm  order" in printed
+    assert printed.startswith("Speed response: RV-40E, 60 N*m, reverse, 21 input speeds\n")
+    assert "Critical speeds\n---------------\nspeed, rpm  order" in printed
     assert re.search(r"closed flanks would have to pull at \d+ speeds of [\d.]+ to [\d.]+ rpm", printed)
 
 

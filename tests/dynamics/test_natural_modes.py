@@ -301,7 +301,7 @@ def test_modes_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert told["variables"]["of_sun_support"]["values"] == found.of_sun_support.tolist()
     printed = capsys.readouterr().out
     assert printed.startswith("Modes: 20 N*m, forward\n")
-    assert re.search(r"^theta +3 deg$", printed, re.M)
+    assert re.search(r"^output angle +3 deg$", printed, re.M)
     assert "estimated from the geometry" in printed
     assert main(["modes", str(tmp_path / "m.toml"), "--torque", "20 kg"]) == 2
     assert "--torque" in capsys.readouterr().err

@@ -197,11 +197,13 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     words = ["lot", "lot", "--model", "lot/drive.toml"]
     assert main([*words, "--json", "lot.json", "--html", "lot.html"]) == 0
     printed = capsys.readouterr().out
-    assert "Order in which the units' phases agree: 4; 1 unit off the others; pairs nearly equal: 1" in printed
+    assert (
+        "Order 4 has the same phase in all units. Differing from the others: 1 unit; nearly equal: 1 pair." in printed
+    )
     told = json.loads(Path("lot.json").read_text("utf-8"))
     assert told["variables"]["own_unit"]["values"] == ["u7"]
     assert told["variables"]["order"]["values"] == [one.order for one in found.orders]
-    assert "<h2>Pair</h2>" in Path("lot.html").read_text("utf-8")
+    assert "<h2>Pairs of nearly equal units</h2>" in Path("lot.html").read_text("utf-8")
     assert main([*words, "--compress", "lot.jsonl"]) == 0
     capsys.readouterr()
     assert main(["lot", "lot.jsonl", "--model", "lot/drive.toml"]) == 0

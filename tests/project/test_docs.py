@@ -125,7 +125,7 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "found.html").stat().st_size > 10_000
     # what the sections after it say of their results
     assert "shaft.eccentricity" in (tmp_path / "lot-found" / "summary.csv").read_text(encoding="utf-8")
-    (peak,) = re.findall(r"Critical\n-+\nspeed, rpm .*\n +(\S+) +78 +\S+ +(\S+) +\S+ +\S+\n", printed)
+    (peak,) = re.findall(r"Critical speeds\n-+\nspeed, rpm .*\n +(\S+) +78 +\S+ +(\S+) +\S+ +\S+\n", printed)
     assert float(peak[0]) == pytest.approx(1690, abs=5)
     assert float(peak[1]) == pytest.approx(16, abs=0.5)
     assert rverror.load_model(tmp_path / "worn.toml").effects

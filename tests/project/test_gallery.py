@@ -28,7 +28,7 @@ WITHOUT = {
 
 
 def test_every_kind_has_its_picture() -> None:
-    kinds = {f"{kind.__name__.lower()}-{plot}" for kind, plots in PICTURES.items() for plot in plots}
+    kinds = {f"{kind.lower()}-{plot}" for kind, plots in PICTURES.items() for plot in plots}
     assert kinds - set(gallery.LINES) == WITHOUT
 
 

@@ -15,7 +15,7 @@ from rverror import ARCSEC, Diagnosis, to_html, to_json, to_text
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.result import OrderShare, Validation
 from rverror.runs.order_table import OrderCase, TableCondition
-from rverror.views.passport_report import passport_json, passports
+from rverror.views.order_report import passport_json, passports
 
 ENCODERS = rverror.model.Encoders(output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
 #: k = 2 over the square root of three, by hand; the input's encoder adds three parts in a million.

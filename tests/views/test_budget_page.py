@@ -88,7 +88,7 @@ def test_an_allocation_page_tells_which_limit_binds(written: Path) -> None:
     assert data["variables"]["used"]["values"][1] == pytest.approx(1)
     assert data["variables"]["limit"]["values"] == pytest.approx(60)
     assert "least cost for the worst-case peak-to-peak within 60 arcsec" in page
-    assert "The limit holds some widths" in page
+    assert "The limit sets some widths" in page
     for held in ("limit", "grade", "3 um", "lower bound", "fixed"):
         assert f"<td>{held}</td>" in page
 
@@ -100,7 +100,7 @@ def test_bounds_are_told_where_they_bind(written: Path) -> None:
     found = rverror.allocate(model, tolerances, limit="2000 arcsec", kind="worst")
     assert found.held_by == ("upper bound", "grade", "upper bound", "fixed")
     assert rverror.to_text(found).count("upper bound") == 2
-    assert "Bounds and grades alone hold the widths" in rverror.to_html(found)
+    assert "Bounds and grades alone set the widths" in rverror.to_html(found)
 
 
 def test_text_and_progress_of_a_budget_at_the_load(written: Path) -> None:

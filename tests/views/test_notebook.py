@@ -68,9 +68,11 @@ class Read(HTMLParser):
             self.tables[-1][-1][-1] += data
 
     def rows(self, first: str) -> list[list[str]]:
-        """Rows of the table whose head begins so."""
-        (found,) = [table[1:] for table in self.tables if table[0][0] == first]
-        return found
+        """Rows of the table whose head begins so; a wide one stands in parts, each with the first column."""
+        parts = [table[1:] for table in self.tables if table[0][0] == first]
+        assert parts
+        assert all([row[0] for row in part] == [row[0] for row in parts[0]] for part in parts)
+        return [[one[0][0], *(cell for row in one for cell in row[1:])] for one in zip(*parts, strict=True)]
 
     def fact(self, name: str) -> str:
         """Text beside a name."""

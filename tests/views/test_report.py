@@ -27,11 +27,11 @@ from pages import without_scripts
 from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model, load_run, reducer
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
-from rverror.views.by_order import residual_spectrum
-from rverror.views.envelope import InputFile, input_files
-from rverror.views.next_measurement import bench_of
+from rverror.views.describing import InputFile, input_files
+from rverror.views.diagnosis_report import bench_of
 from rverror.views.plots.figure import svg_element, to_bytes
 from rverror.views.plots.page_figures import figure_of
+from rverror.views.plots.spectra import lines_of
 from rverror.views.report import to_html, to_json, to_text
 
 NOISE = 0.4856  # arcsec rms
@@ -463,11 +463,11 @@ def test_over_a_part_of_a_turn_the_orders_are_still_found(result: Outcome) -> No
     trace = replace(trace, left_out=None)
     drive = Model(rverror.Drive(ratio=14.0, shafts={"motor": 14.0}))
     part = replace(result.diagnosis, traces=(trace,), declared=drive, model=drive, added=())
-    spectrum = residual_spectrum(trace)
-    at = np.abs(spectrum.order - 28.0).argmin()
-    assert spectrum.before[at] / ARCSEC == pytest.approx(20, rel=0.05)
-    assert spectrum.after[at] / ARCSEC == pytest.approx(20, rel=0.05)
-    assert spectrum.before.argmax() == at
+    before, after = (lines_of(theta, rest) for rest in trace.residual)
+    at = np.abs(before.order - 28.0).argmin()
+    assert before.size[at] / ARCSEC == pytest.approx(20, rel=0.05)
+    assert after.size[at] / ARCSEC == pytest.approx(20, rel=0.05)
+    assert before.size.argmax() == at
     assert to_json(part)["variables"]["run_samples_per_turn"]["values"] == [None]  # a drive's mean does not keep it
     assert_self_contained(to_html(part))
 

@@ -20,6 +20,7 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
+from rverror.base.numbers import brief
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
@@ -29,9 +30,9 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.describing import input_files
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.envelope import input_files
-from rverror.views.html import document, escaped, number, table
+from rverror.views.html import document, escaped, table
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
@@ -411,9 +412,7 @@ def overview(batch: Batch, title: str) -> str:
     rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]
     heads = ("unit", "verdict", "causes, or what went wrong", "rms before", "rms after")
     notes = "".join(f'<p class="soft">{escaped(note)}</p>' for note in batch.notes)
-    told = (
-        "rms of what the model leaves of stretches that the fit did not see: of the declared model, and with the causes"
-    )
+    told = "rms: residual of stretches that no fit saw, of the declared model and with the causes that were added"
     body = (
         f'<h1>{escaped(title)}</h1>\n<p class="soft">{len(ordered)} units, rverror {escaped(__version__)}</p>\n'
         f'<p>{escaped(counts)}</p>\n<div class="units">{table(heads, rows, numbers=(3, 4))}</div>\n'
@@ -426,10 +425,8 @@ def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
     name, failed = escaped(outcome.unit), outcome.state == "failed"
     link = name if failed else f'<a href="{quote(outcome.unit)}.html">{name}</a>'
     causes = escaped(outcome.error) if failed else "<br>".join(map(escaped, outcome.keys)) or "none"
-    sizes = [
-        "" if size is None else f"{number(size)} {escaped(outcome.rms_unit)}"
-        for size in (outcome.before, outcome.after)
-    ]
+    unit = escaped(outcome.rms_unit)
+    sizes = ["" if size is None else f"{brief(size)} {unit}" for size in (outcome.before, outcome.after)]
     return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
 
 

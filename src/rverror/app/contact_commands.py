@@ -186,9 +186,7 @@ def _hysteresis(options: argparse.Namespace) -> None:
         **WIDTHS,
         **{
             f"--{bearing}-bearing": option(
-                ("ROLLERS", "DIAMETER", "LENGTH", "RACE"),
-                f"bearing of the cranks in the {place}: {_ROLLERS}",
-                nargs=4,
+                ("ROLLERS", "DIAMETER", "LENGTH", "RACE"), f"bearing of the cranks in the {place}: {_ROLLERS}", nargs=4
             )
             for bearing, place in (("cam", "discs"), ("carrier", "carrier"))
         },

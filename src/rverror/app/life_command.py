@@ -7,16 +7,7 @@ import re
 from collections.abc import Sequence
 from contextlib import closing
 
-from rverror.app.terminal import (
-    MAPPING,
-    Progress,
-    check_outputs,
-    command,
-    named,
-    option,
-    results,
-    write_results,
-)
+from rverror.app.terminal import MAPPING, Progress, check_outputs, command, named, option, results, write_results
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.life.compared import compare_runs
@@ -41,8 +32,7 @@ _OUTPUTS = {**MAPPING, **results()}
         ),
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
-            '"lost motion 90 arcsec"',
-            "limit, also 'transmission error 60 arcsec': how long it will still be met",
+            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long it will still be met"
         ),
         **_OUTPUTS,
     },

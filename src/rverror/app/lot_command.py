@@ -54,9 +54,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
         "--tolerances": option(
-            "TOL.toml",
-            "tolerances of the drawing: which processes to estimate, and Cp, Cpk",
-            reads=True,
+            "TOL.toml", "tolerances of the drawing: which processes to estimate, and Cp, Cpk", reads=True
         ),
         **MAPPING,
         "--compress": option(
@@ -69,9 +67,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         **results(),
         "--csv": option("OUT.csv", "write a row for each process", writes=True),
         "--diagnose": number(
-            "diagnose up to N units that do not belong to the lot (default 3; half a minute each)",
-            least=0,
-            default=3,
+            "diagnose up to N units that do not belong to the lot (default 3; half a minute each)", least=0, default=3
         ),
         "--seed": number("seed of the drawn units (default 0)", least=0, default=0),
     },
@@ -123,10 +119,7 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
-    with (
-        closing(Progress()) as progress,
-        _workers(options.jobs, inputs) as executor,
-    ):
+    with closing(Progress()) as progress, _workers(options.jobs, inputs) as executor:
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
     for note in inputs.notes:
         tell(note)
@@ -158,4 +151,4 @@ def _write(found: Lot | DriveLot, options: argparse.Namespace) -> None:
         if text:
             write_output(options.save, text)
         else:
-            tell(f"{options.save}: not written, no process is told from none; measure more units")
+            tell(f"{options.save}: not written, no process has a significant scatter; measure more units")

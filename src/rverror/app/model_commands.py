@@ -36,16 +36,7 @@ from rverror.runs.order_fit import checked_orders, order_table_from_runs
 from rverror.runs.virtual_bench import DEFAULT_SEED, run_label, simulate_runs
 
 #: Options of the simulated bench that the library takes by the same names.
-_BENCH = (
-    "points",
-    "revolutions",
-    "method",
-    "noise",
-    "correlation",
-    "input_counts",
-    "output_counts",
-    "seed",
-)
+_BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_counts", "output_counts", "seed")
 
 
 @command(
@@ -133,10 +124,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
     return [*paths]
 
 
-@command(
-    example="--json sources.json",
-    options={"--json": option("OUT.json", "write it as JSON instead", writes=True)},
-)
+@command(example="--json sources.json", options={"--json": option("OUT.json", "write it as JSON instead", writes=True)})
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 

@@ -5,15 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rverror.app.terminal import (
-    MAPPING,
-    command,
-    flag,
-    option,
-    output,
-    tell,
-    write_text_output,
-)
+from rverror.app.terminal import MAPPING, command, flag, option, output, tell, write_text_output
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import drafted
 from rverror.runs.bench.mapping import given_mapping

@@ -63,16 +63,11 @@ def _reference_cases(options: argparse.Namespace) -> None:
         "case": option("CASE", "folder of the case, or its case.json"),
         "--method": choice(METHODS, METHODS[0], "which waveform of the case (default equilibrium)"),
         "--within": option(
-            '"0.1 arcsec"',
-            "exit with 1 if the rms of the difference, offset removed, is larger",
-            size="angle",
-            least=0,
+            '"0.1 arcsec"', "exit with 1 if the rms of the difference, offset removed, is larger", size="angle", least=0
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml",
-            "model file with the [bench.encoders] that measured the run, for its uncertainty",
-            reads=True,
+            "MODEL.toml", "model file with the [bench.encoders] that measured the run, for its uncertainty", reads=True
         ),
         **results(html=False),
     },

@@ -213,9 +213,9 @@ def add_command(commands: Any, made: Command) -> None:
             setattr(given, dest, read if isinstance(value, list) else read[0])
         check_outputs(given.outputs, given.inputs)
         if getattr(given, "plot", None):
-            from rverror.views.plots.figure import check_axes
+            from rverror.views.plots.figure import bare_figure
 
-            check_axes(None)
+            bare_figure(1.0, 1.0)  # refused where matplotlib is not installed
         made.run(given)
 
     parser.set_defaults(run=begin)
@@ -261,7 +261,7 @@ def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any
     """Write a result as the options of `results` ask, with `more` told of it; `draw` makes axes of its own picture."""
     html, plot = getattr(options, "html", None), getattr(options, "plot", None)
     if options.json or html:
-        from rverror.views.envelope import input_files  # half of all modules
+        from rverror.views.describing import input_files  # half of all modules
         from rverror.views.report import to_html, to_json
 
         files = input_files(options.inputs)

@@ -195,11 +195,7 @@ def _allocated_in_closed_form(
         raise InputError("no limit; give --limit '60 arcsec'")
     factors = _FRONT if options.plot else (1.0,)
     laid = stack(
-        model,
-        tolerances,
-        direction=options.direction,
-        torque=_load_at_speed(options),
-        input_speed=options.speed,
+        model, tolerances, direction=options.direction, torque=_load_at_speed(options), input_speed=options.speed
     )
     front = cost_front(
         laid,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
-    from rverror.views.envelope import input_files as input_files
+    from rverror.views.describing import input_files as input_files
     from rverror.views.plots.drawing import draw as draw
     from rverror.views.plots.figure import new_figure as new_figure
     from rverror.views.plots.order_maps import order_map as order_map

@@ -19,6 +19,8 @@ from rverror.views.html import escaped, scrolled
 MOST_ROWS = 24
 
 _NONE = "–"
+_PAGE, _HEAD = 140, 13  # letters and gaps of a table as wide as a page; letters of a head before it is broken
+_STAYING = ("interval", "unit")
 _WIDEST = 44  # letters of a fact's name or a text cell that others are lined up with
 
 
@@ -60,6 +62,27 @@ class Listing:
         """Columns of numbers alone, which are set flush right."""
         numbers = (float, int, Ends, type(None))
         return [at for at in range(len(self.heads)) if all(isinstance(row[at], numbers) for row in self.rows)]
+
+    def parts(self) -> Iterator[list[int]]:
+        """Columns of one table after another, each as wide as a page at the most; all begin with the first column.
+
+        An interval stays with what it is of, and a unit with its size.
+        """
+        groups = list[list[int]]()
+        for at, head in enumerate(self.heads):
+            if at > 1 and head.endswith(_STAYING):
+                groups[-1].append(at)
+            elif at:
+                groups.append([at])
+        cells = [[head[:_HEAD], *(row[at][:_WIDEST] for row in self.cells())] for at, head in enumerate(self.heads)]
+        letters = [2 + max(map(len, column)) for column in cells]
+        part = [0]
+        for group in groups:
+            if len(part) > 1 and sum(letters[at] for at in part + group) > _PAGE:
+                yield part
+                part = [0]
+            part += group
+        yield part
 
     def more(self) -> str:
         """How many rows are not shown."""
@@ -113,13 +136,6 @@ def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
     """Table, nothing where it has no row."""
     listed = tuple(tuple(row) for row in rows)
     return (Listing(tuple(heads), listed),) if listed else ()
-
-
-def columns_of(columns: Mapping[str, Iterable[Any]]) -> Sheet:
-    """Table of columns by their heads; those of which no value is known are left out."""
-    listed = {head: list(values) for head, values in columns.items()}
-    known = {head: values for head, values in listed.items() if any(value is not None for value in values)}
-    return grid(list(known), zip(*known.values(), strict=True))
 
 
 def facts(given: Mapping[str, str]) -> Sheet:
@@ -204,9 +220,12 @@ def _html_of(block: Block) -> str:
             said = f"{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}"
             return f'<p class="verdict">{said}</p>'
         case Listing():
-            rows = [[escaped(cell) for cell in row] for row in block.cells()]
-            more = _soft(block.more()) if block.more() else ""
-            return scrolled(block.heads, rows, numbers=block.flush()) + more
+            told = []
+            for part in block.parts():
+                rows = [[escaped(row[at]) for at in part] for row in block.cells()]
+                flush = [place for place, at in enumerate(part) if at in block.flush()]
+                told.append(scrolled([block.heads[at] for at in part], rows, numbers=flush))
+            return "\n".join(told) + (_soft(block.more()) if block.more() else "")
         case Facts():
             rows_of = (
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from rverror.base import units
-from rverror.base.numbers import count_of
+from rverror.base.numbers import brief, count_of
+from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.table_files import WrittenTable, correction_json, table_told
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json, of_figures
 from rverror.views.blocks import Sentence, Sheet
-from rverror.views.describing import content, content_of, sheet, sheet_of, table
+from rverror.views.describing import described, entries, sheet, sheet_of, table as table_of
 from rverror.views.fields import about, arrays, entry, rows
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, Table
@@ -19,7 +20,7 @@ from rverror.views.variables import ANGLE, NUMBER, Table
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 
 
-@table.register
+@described.register
 def _table(result: Compensation) -> Table:
     bench = uncertainty_of(result.model.encoders, result.model.mechanism.ratio)
     stages = (("before", result.before), ("after", result.after))
@@ -30,30 +31,28 @@ def _table(result: Compensation) -> Table:
         **rows("order", result.orders, order=NUMBER, amplitude=ANGLE, left=ANGLE, law=None, frames=None),
         **(arrays("order", of_orders, bench_uncertainty=("", ANGLE)) if of_orders else {}),
     }
-    stays = [f"Stays: {text}" for text in result.stays]
+    stays = [f"Remains: {text}" for text in result.stays]
     if bench is not None:
         stays.append(of_figures(bench))
         if result.worth:
             stays.append(_BENCH_REPEATS)
+    strong = f"{count_of(len(result.orders), 'order')} compensated" if result.worth else "Nothing to compensate"
+    before, after = (brief(one.rms / ARCSEC, 3) for one in (result.before, result.after))
+    fall = f": the held-out rms falls from {before} to {after} arcsec" if result.worth else ""
     return Table(
-        "Compensation",
-        "order",
         variables,
         about(result, "index", "stays", "notes", model=name_of(result.model)),
         title=(name_of(result.model),),
-        verdict=(
-            f"{count_of(len(result.orders), 'order')} compensated" if result.worth else "nothing to compensate",
-            "",
-        ),
+        verdict=(f"{strong}{fall}.", strong),
         sentences=tuple(stays),
+        rows="order",
     )
 
 
-@content.register
+@entries.register
 def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[str, Any]:
     """`table` is what was written of it, None where nothing was."""
     return {
-        **content_of(_table(made)),
         "worth": made.worth,
         **{
             stage: entry(getattr(made, stage), heldout_rms_arcsec=("rms", ANGLE), low=ANGLE, high=ANGLE)
@@ -91,4 +90,4 @@ def _written(made: WrittenTable) -> dict[str, Any]:
 
 @sheet.register
 def _sheet(thing: Compensation, *, table: WrittenTable | None = None) -> Sheet:
-    return (*sheet_of(_table(thing)), *(() if table is None else map(Sentence, table_told(table))))
+    return (*sheet_of(table_of(thing)), *(() if table is None else map(Sentence, table_told(table))))

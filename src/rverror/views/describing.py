@@ -6,27 +6,39 @@ registers these as well.
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
-from rverror.views.blocks import Ends, Sentence, Sheet, columns_of, facts, notes, section, title
-from rverror.views.variables import LONG, Table, columns as columns_along, unit_for_people
+from rverror.base.version import __version__
+from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
+from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
+_NO_SHARE = 0.005  # percent, below which a share is told as none
+
+
+def table(result: Any) -> Table:
+    """Description of a result as variables along named dimensions."""
+    told = described(result)
+    return replace(told, kind=told.kind or type(result).__name__, rows=told.rows or told.dims[0])
 
 
 @singledispatch
-def table(result: Any) -> Table:
-    """Description of a result as variables along named dimensions."""
-    kinds = sorted(kind.__name__ for kind in table.registry if kind is not object)
+def described(result: Any) -> Table:
+    """What a kind registers of `table`."""
+    kinds = sorted(kind.__name__ for kind in described.registry if kind is not object)
     raise InputError(f"{type(result).__name__}: no table is made of it; give one of {', '.join(kinds)}")
 
 
@@ -37,9 +49,15 @@ def sheet(result: Any, /) -> Sheet:
 
 
 @singledispatch
-def content(result: Any, /) -> dict[str, Any]:
-    """Plain data of a result for JSON: of its table, unless its kind has keys of its own."""
-    return content_of(table(result))
+def content(result: Any, /, **options: Any) -> dict[str, Any]:
+    """Plain data of a result for JSON: of its table, with the keys that its kind has beside."""
+    return {**content_of(table(result)), **entries(result, **options)}
+
+
+@singledispatch
+def entries(result: Any, /) -> dict[str, Any]:
+    """Keys of JSON that a kind registers beside its table."""
+    return {}
 
 
 def content_of(told: Table) -> dict[str, Any]:
@@ -69,23 +87,39 @@ def _plain(value: Any) -> Any:
 
 def sheet_of(told: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
-    single = {
-        _words(
-            name
-        ): f"{brief(variable.shown(display=True).item())} {unit_for_people(variable.unit_text(display=True))}"
-        for name, variable in told.variables.items()
-        if not variable.dims
-    }
     others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
-    return (
+    blocks = (
         *title(kind_in_words(told), *told.title),
         *((Sentence(*told.verdict),) if told.verdict[0] else ()),
-        *facts({**single, **told.facts}),
+        *facts({**_single_numbers(told), **told.facts}),
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
-        *(block for dim in others for block in section(_words(dim).capitalize(), *listed(told, dim))),
+    )
+    sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
+    return (
+        *blocks,
+        *line(_COUNTED if told.verdict[0] and re.search(_INDEX, as_text(blocks + sections)) else ""),
+        *sections,
         *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
     )
+
+
+def _single_numbers(told: Table) -> dict[str, str]:
+    """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
+    shown = {name: of.shown(display=True).item() for name, of in told.variables.items() if not of.dims}
+    facts_of = {}
+    for name, value in shown.items():
+        base = name.removesuffix("_value")
+        ends = [shown[f"{base}_{end}"] for end in ("low", "high") if f"{base}_{end}" in shown]
+        unit = unit_for_people(told.variables[name].unit_text(display=True))
+        if not name.endswith(("_low", "_high")):
+            facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
+    return facts_of
+
+
+def _heading(dim: str) -> str:
+    """Heading of the rows along a dimension."""
+    return _HEADINGS.get(dim, _words(dim).capitalize())
 
 
 def kind_in_words(told: Table) -> str:
@@ -93,7 +127,7 @@ def kind_in_words(told: Table) -> str:
 
     Examples
     --------
-    >>> kind_in_words(Table("OrderTable", "wave", {}))
+    >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
     return re.sub(r"(?<=[a-z])([A-Z])", r" \1", told.kind).capitalize()
@@ -108,14 +142,17 @@ def listed(told: Table, dim: str) -> Sheet:
         return ()
     for own in set(arrays) - set(units):  # units of the rows
         arrays[own] = list(map(unit_for_people, arrays[own]))
+    for name in arrays:
+        if units.get(name) == PERCENT.shown:
+            arrays[name] = np.where(np.abs(arrays[name]) < _NO_SHARE, 0.0, arrays[name])
     columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
     chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
     count = len(columns[chosen[0]]) if chosen else 0
     places = list(range(count))
     if dim in _COURSES and count > _SOME:
         places = sorted({round(at * (count - 1) / (_SOME - 1)) for at in range(_SOME)})
-    heads = {name: ", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen}
-    return columns_of({heads[name]: [columns[name][at] for at in places] for name in chosen})
+    heads = [", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen]
+    return grid(heads, [[columns[name][at] for name in chosen] for at in places])
 
 
 def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
@@ -157,4 +194,100 @@ def _words(name: str) -> str:
 
 
 #: Parts of names that people write otherwise.
-_SPOKEN = {"peak_to_peak": "peak-to-peak", "heldout": "held-out", "sobol": "Sobol", "told": "determined"}
+_SPOKEN = {
+    "peak_to_peak": "peak-to-peak",
+    "heldout": "held-out",
+    "sobol": "Sobol",
+    "told": "determined",
+    "theta": "output angle",
+    "crawl": "low-speed",
+    "pulled": "tensile share,",
+    "above_zero": "significant",
+    **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
+}
+#: Headings of rows whose dimension is no word for people.
+_HEADINGS = {
+    "change": "Causes of the change",
+    "condition": "Output error by condition",
+    "critical": "Critical speeds",
+    "group": "Groups that differ",
+    "limit_at_load": "Limits under load",
+    "mode": "Natural frequencies",
+    "order": "Orders",
+    "outlier": "Units that do not belong to the lot",
+    "own": "Units that differ from the others",
+    "pair": "Pairs of nearly equal units",
+    "part": "Losses by part",
+    "shift": "Systematic errors",
+    "size": "Output error of the units",
+    "stage": "Before and after",
+    "unseen": "Measurements that no fit saw",
+    "way": "Ways to assemble",
+}
+_INDEX = r"\b(crank|disc|pin) \d"
+_COUNTED = "Cranks, discs and pins are counted from 0."
+
+
+# --- where a result comes from ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that a result was made from: path as given, SHA-256 of its bytes, size."""
+
+    path: str
+    sha256: str
+    bytes: int
+
+
+def input_files(paths: Sequence[str | os.PathLike[str]]) -> tuple[InputFile, ...]:
+    """Hash the files of a result, so that a report says what it was made from.
+
+    Parameters
+    ----------
+    paths : sequence of str or path-like
+
+    Returns
+    -------
+    tuple of InputFile
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+
+    Examples
+    --------
+    >>> from importlib import resources
+    >>> [file.bytes > 0 for file in input_files([resources.files("rverror") / "data" / "demo" / "model.toml"])]
+    [True]
+    """
+    found = []
+    for path in paths:
+        try:
+            raw = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: cannot read it for its hash ({error.strerror}); check the path") from error
+        found.append(InputFile(os.fspath(path), hashlib.sha256(raw).hexdigest(), len(raw)))
+    return tuple(found)
+
+
+def enveloped(
+    kind: str, content: Mapping[str, Any], files: Sequence[InputFile] = (), *, listed: str = "inputs"
+) -> dict[str, Any]:
+    """Content of a result with the kind of it, its input files and the version.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the result's class.
+    content : mapping
+    files : sequence of InputFile
+    listed : str
+        Key of the files.
+
+    Returns
+    -------
+    dict
+    """
+    return {"result": kind, **content, listed: [asdict(file) for file in files], "version": __version__}

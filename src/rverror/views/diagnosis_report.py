@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, in_arcsec, way
 from rverror.base.text import describe
-from rverror.diagnosis.next_run import folds
+from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
 from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
@@ -21,16 +21,14 @@ from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
 from rverror.views.by_order import beside, samples_per_turn, turns_of
-from rverror.views.describing import content, content_of, listed, sheet, table
-from rverror.views.envelope import InputFile, enveloped
+from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows
 from rverror.views.model_report import name_of
-from rverror.views.next_measurement import next_steps
-from rverror.views.passport_report import kinds_of_causes, passport_json, passports
-from rverror.views.resonance_report import alone, resonances, resonances_json
+from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
+_NAMED = 6  # rivals of a cause
 _RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
 _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 
@@ -58,10 +56,48 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
 
 
+# --- what to measure next ---------------------------------------------------------------------------------------------
+
+
+def bench_of(diagnosis: Diagnosis) -> Circumstances:
+    """What the runs of a diagnosis cover."""
+    torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
+    longest = max(diagnosis.traces, key=lambda trace: turns_of(trace.theta), default=None)
+    part = longest.theta if longest is not None and turns_of(longest.theta) < 1 else None
+    return Circumstances(
+        directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
+        samples_per_turn=samples_per_turn(diagnosis),
+        torques=frozenset(torques),
+        marks=all(trace.index != "unknown" for trace in diagnosis.traces),
+        shared_zero=any(
+            one.index == other.index not in ("", "unknown") and one.direction != other.direction
+            for one in diagnosis.traces
+            for other in diagnosis.traces
+        ),
+        travel=None if part is None else (float(part[0]), float(2 * part[-1] - part[-2])),
+    )
+
+
+def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]]:
+    """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
+    if diagnosis.shares:
+        return []
+    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
+    found: list[tuple[Addition | None, Measurement]] = []
+    for addition in diagnosis.added:
+        keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
+        if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
+            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
+            found += [(addition, step) for step in steps]
+    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
+    reading = diagnosis.quantity == "angle"
+    return found + [(None, step) for step in steps if reading or step.name != "encoder"]
+
+
 # --- table ------------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_bench: dict[str, Field] = {}
@@ -107,8 +143,6 @@ def _diagnosis_table(result: Diagnosis) -> Table:
     told |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
     return Table(
-        "Diagnosis",
-        "added",
         variables,
         told,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
@@ -205,7 +239,7 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             direction=lambda one: way(one.direction),
             torque=TORQUE,
             index=None,
-            samples_per_turn=(lambda one: one.theta.size / turns_of(one) if sampled else None, NUMBER),
+            samples_per_turn=(lambda one: one.theta.size / turns_of(one.theta) if sampled else None, NUMBER),
         ),
         **{
             f"sample_{name}": Variable(("sample",), _joined(values), units.get(name, signal))
@@ -218,7 +252,7 @@ def _folds(line: Line, diagnosis: Diagnosis) -> str:
     """Orders above half of the sampling that would show where a line is."""
     sampling = samples_per_turn(diagnosis)
     if math.isinf(sampling):
-        return "not known: the sampling is not kept"
+        return ""  # the sampling is not kept
     found = [fold for fold in folds(diagnosis.declared.mechanism, line.order, sampling) if fold.frames]
     return ", ".join(f"{brief(fold.order)} ({'; '.join(fold.frames)})" for fold in found)
 
@@ -239,7 +273,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
     signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
-    told = content_of(_diagnosis_table(diagnosis))
+    told = content_of(table(diagnosis))
     variables = {name: of for name, of in told["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = alike(OWN, "declared", "value", "low", "high")
     stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.told)}
@@ -300,7 +334,7 @@ def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    told, bench = _diagnosis_table(diagnosis), stated_bench(diagnosis)
+    told, bench = table(diagnosis), stated_bench(diagnosis)
     kinds = kinds_of_causes(diagnosis.passport)
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
     return (
@@ -309,7 +343,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
         *listed(told, "stage"),
         *line(_credit(diagnosis)),
         *listed(told, "added"),
-        *(sentence for one in diagnosis.added for sentence in _about(one, diagnosis)),
+        *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
         *_steps(diagnosis),
         *section(
             "Lines that no source of the catalogue explains",
@@ -358,7 +392,7 @@ def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
         for size in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
     )
     spread = f" ± {brief(bench.of('rms') / unit.size, 3)} ({BESIDE})" if bench else ""
-    fall = f"The held-out rms falls from {before} to {after}{spread} {unit.shown}; the noise has {noise}."
+    fall = f"The held-out rms falls from {before} to {after}{spread} {unit.shown}; the noise is {noise} {unit.shown}."
     causes = [added for added in diagnosis.added if _is_cause(added)]
     names = ", ".join(
         describe(added.effect.key, added.effect.indices) + _or_rivals(added.indistinguishable) for added in causes
@@ -412,12 +446,13 @@ def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
     name, orders = describe(one.effect.key, indices), ", ".join(brief(order) for order in one.orders)
     summary, frame = (known.summary, known.frame) if known else ("a source of your own", "")
     fixed = f", fixed in the {frame}" if frame in _PARTS and not isinstance(diagnosis.declared.mechanism, Drive) else ""
-    counted = "; indices count from 0" if any(isinstance(value, int) for value in indices.values()) else ""
+    counted = "; cranks, discs and pins are counted from 0" if {"crank", "disc", "pin"} & set(indices) else ""
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
     yield Sentence(f"{name}: {summary}{fixed}; it {shows}{counted}.")
     if one.indistinguishable:
-        others = ", ".join(describe(*other) for other in one.indistinguishable)
-        yield Sentence(f"These runs cannot tell {name} from {others}.")
+        others = [describe(*other) for other in one.indistinguishable]
+        more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+        yield Sentence(f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}.")
     yield from (Sentence(f"{name}: {note}.") for note in one.notes)
 
 

@@ -15,21 +15,9 @@ from rverror.base.units import ARCSEC
 from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.fields import alike, arrays, rows
-from rverror.views.variables import (
-    ANGLE,
-    HERTZ,
-    NUMBER,
-    POSITION,
-    SPEED,
-    TIME,
-    TORQUE,
-    Each,
-    Table,
-    Unit,
-    Variable,
-)
+from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
@@ -42,7 +30,7 @@ def _where(thing: Modes | SpeedResponse | RunUp) -> str:
 # --- modes ------------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _modes_table(result: Modes) -> Table:
     moved = [
         (f"{part} {motion}", _SHAPE[motion], row)
@@ -54,7 +42,7 @@ def _modes_table(result: Modes) -> Table:
         **arrays(
             "mode",
             result,
-            mode=(lambda one: np.arange(one.frequency.size), NUMBER),
+            mode=(lambda one: 1 + np.arange(one.frequency.size), NUMBER),
             frequency=HERTZ,
             damping_ratio=NUMBER,
             of_sun_support=None,
@@ -76,22 +64,18 @@ def _modes_table(result: Modes) -> Table:
     if result.estimated:
         noticed.append(f"estimated from the geometry, to some 30 %: {', '.join(result.estimated)}")
     about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated), "notes": "\n".join(noticed)}
-    return Table("Modes", "mode", variables, about, title=(_where(result),))
+    return Table(variables, about, title=(_where(result),))
 
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:
     """A row over the modes for each of some names."""
-    return {
-        dim: Variable((dim,), list(values)),
-        name: Variable((dim, "mode"), np.array(list(values.values())), unit),
-    }
+    return {dim: Variable((dim,), list(values)), name: Variable((dim, "mode"), np.array(list(values.values())), unit)}
 
 
-@content.register
+@entries.register
 def _modes_content(found: Modes) -> dict[str, Any]:
     """Shapes at a modal mass of 1 kg."""
     return {
-        **content_of(table(found)),
         "modes": [
             {
                 "frequency_hz": float(frequency),
@@ -99,7 +83,7 @@ def _modes_content(found: Modes) -> dict[str, Any]:
                 "parts": {part: _motion(values[:, mode]) for part, values in found.shape.items()},
             }
             for mode, frequency in enumerate(found.frequency)
-        ],
+        ]
     }
 
 
@@ -119,7 +103,7 @@ def _most_of(shares: Mapping[str, Array]) -> list[str]:
 # --- error against speed ----------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _speeds_table(result: SpeedResponse) -> Table:
     parts: dict[str, Variable] = {}
     if result.by_effect is not None:
@@ -156,9 +140,19 @@ def _speeds_table(result: SpeedResponse) -> Table:
     }
     about = {"direction": way(result.direction), "notes": "\n".join(_cautions(result))}
     speeds = count_of(result.speed.size, "input speed")
-    none = f"no critical speed: no order peaks at {CRITICAL:g} times its amplitude at a crawl"
-    sentences = () if result.critical_speeds else (none,)
-    return Table("SpeedResponse", "speed", variables, about, title=(_where(result), speeds), sentences=sentences)
+    title = (result.reducer.name, _where(result), speeds)
+    return Table(variables, about, title=title, verdict=_speeds_verdict(result))
+
+
+def _speeds_verdict(result: SpeedResponse) -> tuple[str, str]:
+    """The critical speed with the largest amplitude, and the words of it to be read first."""
+    if not result.critical_speeds:
+        strong = "No critical speed"
+        return f"{strong}: no order reaches {CRITICAL:g} times its amplitude at very low speed.", strong
+    top = max(result.critical_speeds, key=lambda one: one.amplitude)
+    strong = f"Order {top.order:g} is largest at {with_unit(top.speed, 'angular_speed')}"
+    size = f"{brief(top.amplitude / ARCSEC, 3)} arcsec, {brief(top.growth, 3)} times its amplitude at very low speed"
+    return f"{strong}: {size}; the natural frequency there is {brief(top.frequency, 3)} Hz.", strong
 
 
 def _natural(result: SpeedResponse | RunUp) -> dict[str, Variable]:
@@ -184,7 +178,7 @@ def _cautions(thing: SpeedResponse) -> list[str]:
 # --- run-ups ----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _run_up_table(result: RunUp) -> Table:
     variables = {
         **arrays(
@@ -207,4 +201,4 @@ def _run_up_table(result: RunUp) -> Table:
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
         about["notes"] = f"from {first} s on contacts would have to pull: they open, and the error is no prediction"
-    return Table("RunUp", "sample", variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))
+    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))

@@ -7,7 +7,6 @@ from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
 
-from rverror.base.numbers import brief
 from rverror.base.text import printable
 
 _STYLE = """
@@ -42,10 +41,11 @@ svg { display: block; max-width: 100%; min-width: 34rem; height: auto; backgroun
   .units thead { display: none; } .units tr { border-bottom: 1px solid var(--line); padding: .5rem 0; }
   .units td { border: 0; padding: .05rem 0; overflow-wrap: anywhere; } .units td:empty { display: none; }
   .units td:nth-child(4)::before { content: "rms before "; } .units td:nth-child(5)::before { content: "rms after "; } }
-@media print { :root { color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999; --panel: #fff;
-  --good: #000; }
-  body { max-width: none; font-size: 10pt; } figure, tr, .verdict { break-inside: avoid; }
-  h2, h3 { break-after: avoid; }
+@media print { :root { font-size: 10pt; color-scheme: light; --page: #fff; --ink: #000; --soft: #333; --line: #999;
+  --panel: #fff; --good: #000; }
+  body { max-width: none; padding: 0; } figure, tr, .verdict { break-inside: avoid; }
+  h2, h3 { break-after: avoid; } .mpld3-toolbar, .mpld3-coordinates { display: none; }
+  details::details-content { content-visibility: visible; }
   table { width: auto; font-size: 8pt; } .scroll, pre { overflow: visible; } pre { white-space: pre-wrap; } }
 """
 
@@ -59,11 +59,6 @@ def escaped(text: str) -> str:
     '&lt;b a=&quot;1&quot;&gt;'
     """
     return html.escape(printable(text), quote=True)
-
-
-def escaped_lines(text: str) -> str:
-    """`escaped` line by line."""
-    return "\n".join(escaped(line) for line in text.split("\n"))
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
@@ -96,13 +91,6 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Seque
 def scrolled(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
     """`table` within a box that scrolls where it is too wide."""
     return f'<div class="scroll" tabindex="0">{table(heads, rows, numbers=numbers)}</div>'
-
-
-def number(value: float | None) -> str:
-    """Number as in the JSON, to four digits, with its full digits at hand; a dash where there is none."""
-    if value is None:
-        return "–"
-    return f'<data value="{value!r}">{brief(value)}</data>'
 
 
 def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:

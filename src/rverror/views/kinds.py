@@ -11,17 +11,17 @@ from rverror.statics.friction import Efficiency
 from rverror.tolerances.allocation_result import FrontPoint
 from rverror.tolerances.declared import Tolerance
 from rverror.views import (  # noqa: F401
-    budget_report,
     compensation_report,
     diagnosis_report,
     dynamics_report,
     life_report,
     lot_report,
+    tolerance_report,
 )
-from rverror.views.allocation_report import front_table, tolerances_table
-from rverror.views.describing import content, sheet, table
+from rverror.views.describing import content, described, sheet, table
 from rverror.views.model_report import effects_table
 from rverror.views.static_report import efficiencies_table
+from rverror.views.tolerance_report import front_table, tolerances_table
 from rverror.views.variables import Table
 
 __all__ = ["content", "sheet", "table"]
@@ -35,7 +35,7 @@ _SEQUENCES: Mapping[type, Callable[[Any], Table]] = {
 }
 
 
-@table.register
+@described.register
 def _of_sequence(result: Sequence) -> Table:  # type: ignore[type-arg]
     kinds = {type(item) for item in result}
     made = _SEQUENCES.get(kinds.pop()) if len(kinds) == 1 else None

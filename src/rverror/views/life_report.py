@@ -11,9 +11,9 @@ from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.fields import OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
-from rverror.views.variables import ANGLE, NUMBER, Table, Variable
+from rverror.views.variables import ANGLE, HOURS, NUMBER, Table, Unit, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
 _NAMED = 4  # rivals
@@ -28,11 +28,11 @@ def _each(changed: Sequence[Changed]) -> list[tuple[Changed, Grown]]:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _trend_table(result: Trend) -> Table:
     per = f"per_1000_{result.unit}s"
     variables = {
-        **_changes(result.changed),
+        **_changes(result.changed, HOURS if result.unit == "hour" else NUMBER),
         **rows(
             "change",
             [(grown, _per_thousand(grown)) for _, grown in _each(result.changed)],
@@ -49,8 +49,6 @@ def _trend_table(result: Trend) -> Table:
     span = f"{sessions}, {brief(result.at[0])} to {brief(result.at[-1])} {result.unit}s"
     remains = (remaining_words(result),) if result.remaining else ()
     return Table(
-        "Trend",
-        "change",
         variables,
         about(result, "model", "conditions", "chance", "notes", time_unit=result.unit),
         title=(result.model, span),
@@ -66,31 +64,27 @@ def _per_thousand(grown: Grown) -> Interval:
     return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
 
 
-@table.register
+@described.register
 def _compared_table(result: RunsCompared) -> Table:
-    fields: dict[str, Field] = {
-        "order": NUMBER,
-        "condition": None,
-        "before": ANGLE,
-        **sized("after", ANGLE, "interval"),
-        "difference": ANGLE,
-        "chance": NUMBER,
+    after = sized("after", ANGLE, "interval")
+    variables = {
+        **rows("order", result.orders, order=NUMBER, condition=None, before=ANGLE, **after),
+        **rows("order", result.orders, difference=ANGLE, chance=NUMBER),
+        **_changes(result.changed),
     }
     orders = len({one.order for one in result.orders})
     strong = f"{count_of(orders, 'order')} {'differs' if orders == 1 else 'differ'}" if orders else "No order differs"
     return Table(
-        "RunsCompared",
-        "order",
-        {**rows("order", result.orders, **fields), **_changes(result.changed)},
+        variables,
         about(result, "conditions", "noise", "notes"),
         title=("; ".join(result.conditions),),
-        verdict=(f"{strong} beyond noise of {brief(result.noise / ARCSEC, 2)} arcsec an order", strong),
+        verdict=(f"{strong} by more than the noise, {brief(result.noise / ARCSEC, 2)} arcsec per order", strong),
         sentences=tuple(_rivals(result.changed)),
-        shown={"change": _SHOWN},
+        shown={"change": [name for name in _SHOWN if name not in ("course", "since")]},
     )
 
 
-def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
+def _changes(changed: Sequence[Changed], since: Unit = NUMBER) -> dict[str, Variable]:
     """Parameters of causes that changed, a row for each."""
     return rows(
         "change",
@@ -102,7 +96,7 @@ def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
         indices="0.indices",
         parameter="1.name",
         course="0.course",
-        since=("0.since", NUMBER),
+        since=("0.since", since),
         **sized("size", OWN, "1.change"),
         evidence=("0.evidence", NUMBER),
     )
@@ -111,7 +105,7 @@ def _changes(changed: Sequence[Changed]) -> dict[str, Variable]:
 # --- for programs -----------------------------------------------------------------------------------------------------
 
 
-@content.register
+@entries.register
 def _trend_content(result: Trend) -> dict[str, Any]:
     """None where something is not determined."""
     left, per = result.remaining, result.unit
@@ -124,20 +118,17 @@ def _trend_content(result: Trend) -> dict[str, Any]:
         "since_interval": (lambda row: (row[0].earliest, row[0].latest), NUMBER),
         "time_constant": (lambda row: row[0].settling or None, NUMBER),
     }
-    jumps: dict[str, Field] = {
-        "at": ("0.since", NUMBER),
-        "size": ("1.change.value", OWN),
-        "interval": ("1.change", OWN),
-    }
     return {
-        **content_of(table(result)),
         "growing": [_changed(row, **growing) for row in _each(result.growing)],
-        "jumps": [_changed(row, **jumps) for row in _each(result.jumps)],
+        "jumps": [
+            _changed(row, at=("0.since", NUMBER), size=("1.change.value", OWN), interval=("1.change", OWN))
+            for row in _each(result.jumps)
+        ],
         f"remaining_{per}s": None if time is None else [rounded(end) for end in (time.low, time.high)],
     }
 
 
-@content.register
+@entries.register
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
     orders = [
         entry(
@@ -149,7 +140,7 @@ def _compared_content(result: RunsCompared) -> dict[str, Any]:
         {"before": 0.0, **_changed(row, after=("1.change.value", OWN), interval=("1.change", OWN))}
         for row in _each(result.changed)
     ]
-    return {**content_of(table(result)), "changed": orders + causes}
+    return {"changed": orders + causes}
 
 
 def _changed(row: tuple[Changed, Grown], **fields: Field) -> dict[str, Any]:
@@ -188,11 +179,11 @@ def _rivals(changed: Sequence[Changed]) -> Iterator[str]:
     for one in changed:
         name = describe(one.key, one.indices)
         if one.measuring:
-            yield f"{name} is of the measuring chain, not of the unit"
+            yield f"{name} is an error of the measuring chain, not of the unit."
         if one.rivals:
             others = [describe(key, dict(indices)) for key, indices in one.rivals]
             more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-            yield f"{name} is not told apart from {', '.join(others[:_NAMED])}{more}"
+            yield f"These measurements cannot tell {name} from {', '.join(others[:_NAMED])}{more}."
 
 
 def remaining_words(trend: Trend) -> str:

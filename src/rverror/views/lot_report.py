@@ -17,7 +17,7 @@ from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
-from rverror.views.describing import content, content_of, table
+from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import diagnosis_content
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
@@ -39,7 +39,7 @@ def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
     return [(one, cause) for one in found for cause in one.causes]
 
 
-@table.register
+@described.register
 def _lot_table(result: Lot) -> Table:
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
@@ -81,8 +81,6 @@ def _lot_table(result: Lot) -> Table:
     }
     process = "process deviation deviation_interval unit above_zero share cp cpk units_needed"
     return Table(
-        "Lot",
-        "process",
         variables,
         about(result, "model", "units", "conditions", "chance", "notes"),
         title=(result.model, count_of(result.units, "unit")),
@@ -110,7 +108,7 @@ def _shifts(dim: str, found: Sequence[tuple[Any, Shift]], **before: Field) -> di
 # --- a lot: for programs ----------------------------------------------------------------------------------------------
 
 
-@content.register
+@entries.register
 def _lot_content(result: Lot) -> dict[str, Any]:
     """None where something is not determined."""
     predicted = [
@@ -126,7 +124,6 @@ def _lot_content(result: Lot) -> dict[str, Any]:
     worst = max(range(len(predicted)), key=lambda at: result.predicted[at].quantile.value, default=None)
     named: dict[str, Field] = {"chance": ("0.chance", NUMBER), "indistinguishable_from": "0.rivals"}
     return {
-        **content_of(table(result)),
         **entry(result, units=None, conditions=None, notes=None),
         "processes": list(_processes(result)),
         "outliers": [
@@ -180,9 +177,9 @@ def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mea
 
 def _difference(row: tuple[Any, Shift], **before: Field) -> dict[str, Any]:
     """What has a systematic error, and the error."""
-    size: dict[str, Field] = {"difference": ("1.size.value", OWN), "interval": ("1.size", OWN), "unit": OWN_NAME}
-    place: dict[str, Field] = {"key": "1.key", "indices": "1.indices", "parameter": "1.parameter"}
-    return entry(row, row[1].dimension, **before, **place, **size)
+    difference, interval = ("1.size.value", OWN), ("1.size", OWN)
+    place = alike(None, "key", "indices", "parameter", within="1.")
+    return entry(row, row[1].dimension, **before, **place, difference=difference, interval=interval, unit=OWN_NAME)
 
 
 def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any]]:
@@ -228,24 +225,30 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
     """What is not told apart, what does not show, what was looked for and not found."""
     for one in lot.processes:
         if one.alike and one.deviation is not None:
-            yield f"{process_name(one)} is not told apart from {', '.join(one.alike)}: the size is that of all together"
+            yield f"{process_name(one)} cannot be told from {', '.join(one.alike)}: the size is that of all together"
     unseen = [process_name(one) for one in lot.processes if one.deviation is None]
     if unseen:
-        yield f"Do not show under these conditions: {', '.join(unseen)}"
+        yield f"These conditions do not show {', '.join(unseen)}."
     found: list[tuple[str, Sequence[str]]] = [
         *((f"unit {one.serial}", one.rivals) for one in lot.outsiders),
         *((f"{one.label} {one.value}", one.rivals) for one in lot.differences),
         *((f"change since {one.since}", one.rivals) for one in lot.changes),
     ]
-    yield from (f"As well for {what}: {', '.join(others)}" for what, others in found if others)
+    yield from (f"For {what} these fit as well: {', '.join(others)}." for what, others in found if others)
     yield from _diagnosed(lot)
-    looked: dict[str, Sequence[object]] = {"unit that is no member": lot.outsiders}
+    looked: dict[str, Sequence[object]] = {"units that do not belong to the lot": lot.outsiders}
     if lot.marked:
-        looked |= {"systematic error": lot.shifts, "group that differs": lot.differences}
-        looked |= {"change over the serials": lot.changes}
+        looked |= {"systematic errors": lot.shifts, "groups that differ": lot.differences}
+        looked |= {"changes over the serial numbers": lot.changes}
     none = [what for what, some in looked.items() if not some]
     if none:
-        yield f"Found: no {', no '.join(none)}"
+        yield f"Looked for and not found: {', '.join(none)}."
+    for one in lot.processes:
+        if one.above_zero and one.capability_centred is not None and one.capability_centred < 1:
+            yield (
+                f"Next: reduce the scatter of {process_name(one)}, or widen its tolerance: Cpk "
+                f"{brief(one.capability_centred, 2)} is below 1."
+            )
     if lot.differences or lot.changes:
         yield "Peak-to-peaks are those without the differences and changes named above."
 
@@ -269,42 +272,43 @@ def _size(one: Estimate) -> str:
 # --- drives -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _drive_lot_table(result: DriveLot) -> Table:
     sizes = alike(ANGLE, "least", "median", "most")
     own: dict[str, Field] = {"unit": "serial", "order": NUMBER, "distance": NUMBER, "chance": NUMBER, "condition": None}
-    pair: dict[str, Field] = {
-        "one": "serials.0",
-        "other": "serials.1",
-        "difference": ANGLE,
-        "usual": ANGLE,
-        "chance": NUMBER,
-    }
     variables = {
         **rows("place", result.orders, order=NUMBER, chance=NUMBER, condition=None, **sizes, phase=POSITION),
         **rows("place", result.orders, spread=ANGLE, **sized("mean", ANGLE, "mean")),
         **rows("own", result.own, "own_", **own, amplitude=ANGLE, difference=ANGLE),
-        **rows("pair", result.pairs, "pair_", **pair),
+        **rows(
+            "pair",
+            result.pairs,
+            "pair_",
+            one="serials.0",
+            other="serials.1",
+            **alike(ANGLE, "difference", "usual"),
+            chance=NUMBER,
+        ),
         **arrays("unit", result, unit=lambda lot: list(lot.serials)),
         **arrays("unit place", result, amplitude=("amplitudes", ANGLE)),
     }
-    shared = ", ".join(str(one.order) for one in result.orders if one.shared) or "none"
-    strong = f"Order in which the units' phases agree: {shared}"
-    units_off = count_of(len({one.serial for one in result.own}), "unit")
+    shared = [str(one.order) for one in result.orders if one.shared]
+    orders = f"Order {shared[0]} has" if len(shared) == 1 else f"Orders {', '.join(shared)} have"
+    strong = f"{orders if shared else 'No order has'} the same phase in all units"
+    different = count_of(len({one.serial for one in result.own}), "unit")
+    pairs = count_of(len(result.pairs), "pair")
     return Table(
-        "DriveLot",
-        "place",
         variables,
         about(result, "model", "conditions", "notes"),
         title=(result.model, count_of(len(result.serials), "unit")),
-        verdict=(f"{strong}; {units_off} off the others; pairs nearly equal: {len(result.pairs)}", strong),
+        verdict=(f"{strong}. Differing from the others: {different}; nearly equal: {pairs}.", strong),
     )
 
 
 # --- matched units ----------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _matched_table(result: Matched) -> Table:
     units = result.units
     left = [(kind, serial) for kind, serials in result.left.items() for serial in serials]
@@ -331,14 +335,12 @@ def _matched_table(result: Matched) -> Table:
     strong, good = f"{len(units)} of {result.possible} units", sum(unit.chance for unit in units)
     expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be." * (good < len(units))
     return Table(
-        "Matched",
-        "unit",
         variables,
         about(result, "model", "possible", "bound", "doubt", "notes"),
         title=(result.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
         verdict=(
-            f"{strong} that the parts allow are within the limits, each solved at the load; by the linear influences "
-            f"no assembly of these parts has more than {result.bound}.{expected}",
+            f"{strong} that the parts allow meet the limits, each solved under load. By the linear influences no "
+            f"assembly of these parts gives more than {result.bound}.{expected}",
             strong,
         ),
         facts={f"{kind}, {len(some)} stay": _serials(some) for kind, some in result.left.items()},
@@ -346,11 +348,10 @@ def _matched_table(result: Matched) -> Table:
     )
 
 
-@content.register
+@entries.register
 def _matched_content(result: Matched) -> dict[str, Any]:
     of_error = [at for at, one in enumerate(result.quantities) if one.span]
     return {
-        **content_of(table(result)),
         "units": [
             {
                 "parts": {place_name(part): part.serial for part in unit.parts},

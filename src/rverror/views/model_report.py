@@ -19,7 +19,7 @@ from rverror.model.effects import Effect, Model
 from rverror.model.results import Influence
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
-from rverror.views.describing import table
+from rverror.views.describing import described
 from rverror.views.fields import COUNT, OWN, Field, arrays, rows
 from rverror.views.variables import (
     ANGLE,
@@ -71,7 +71,7 @@ def name_of(model: Model) -> str:
 _BY_PART = ("stiffness", "contact_law", "bearing_preload", "friction", "inertia")
 
 
-@table.register
+@described.register
 def _reducer_table(result: Reducer) -> Table:
     def unit(part: str, name: str) -> Unit:
         own = quantities(getattr(result, part) if part else result).get(name)
@@ -92,7 +92,7 @@ def _reducer_table(result: Reducer) -> Table:
     return _of_values(result, [(f"{part}{name}", value, unit(part[:-1], name)) for part, name, value in given])
 
 
-@table.register
+@described.register
 def _drive_table(result: Drive) -> Table:
     shafts = ((f"shafts.{name}", turns, NUMBER) for name, turns in result.shafts.items())
     return _of_values(result, [("ratio", result.ratio, NUMBER), *shafts])
@@ -102,7 +102,7 @@ def _of_values(result: Reducer | Drive, values: Sequence[tuple[str, float, Unit]
     own = Each("unit", tuple(unit for *_, unit in values))
     variables = rows("parameter", values, parameter="0", value=("1", own))
     about = {"name": result.name, "ratio": result.ratio}
-    return Table(type(result).__name__, "parameter", variables, about, title=(result.name, _ratio(result)))
+    return Table(variables, about, title=(result.name, _ratio(result)))
 
 
 def _ratio(unit: Reducer | Drive) -> str:
@@ -113,18 +113,18 @@ def _ratio(unit: Reducer | Drive) -> str:
 # --- models -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _effect_table(result: Effect) -> Table:
     named = describe(result.key, result.indices)
-    return Table("Effect", "parameter", _of_effects([result]), title=(named, result.origin))
+    return Table(_of_effects([result]), title=(named, result.origin))
 
 
 def effects_table(result: Sequence[Effect]) -> Table:
     """Effects in a row."""
-    return Table("Effects", "parameter", _of_effects(result))
+    return Table(_of_effects(result), kind="Effects")
 
 
-@table.register
+@described.register
 def _model_table(result: Model) -> Table:
     ends = {}
     for end in (result.bench, result.encoders):
@@ -134,8 +134,6 @@ def _model_table(result: Model) -> Table:
             ends[f"bench: {name.replace('_', ' ')}"] = told
     unit = result.mechanism
     return Table(
-        "Model",
-        "parameter",
         _of_effects(result.effects),
         {"model": name_of(result), "mechanism": unit.name},
         title=(result.name, f"{unit.name}, {_ratio(unit)}", count_of(len(result.effects), "effect")),
@@ -165,7 +163,7 @@ def _of_effects(effects: Sequence[Effect]) -> dict[str, Variable]:
     )
 
 
-@table.register
+@described.register
 def _influence_table(result: Influence) -> Table:
     own = influence_units(parameter.dimension for parameter in source(result.key).parameters)
     variables = {
@@ -180,13 +178,13 @@ def _influence_table(result: Influence) -> Table:
         ),
     }
     angles = count_of(result.matrix.shape[1], "angle")
-    return Table("Influence", "theta", variables, {"key": result.key}, title=(result.key, angles))
+    return Table(variables, {"key": result.key}, title=(result.key, angles))
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _run_table(result: Run) -> Table:
     variables = arrays(
         "sample",
@@ -206,7 +204,7 @@ def _run_table(result: Run) -> Table:
     about = {"path": result.path, "direction": ways(result.direction), **_of_file(result)}
     title = (result.path, count_of(result.size, "sample"))
     facts = {"direction": ways(result.direction), **_facts_of_file(result)}
-    return Table("Run", "sample", variables, about, title=title, facts=facts)
+    return Table(variables, about, title=title, facts=facts)
 
 
 def _of_file(result: Run | OrderTable) -> dict[str, Any]:
@@ -230,7 +228,7 @@ def _bracket(name: str) -> str:
 _CONDITIONS = {"direction": NUMBER, "input_speed": SPEED, "temperature": TEMPERATURE, "torque": TORQUE}
 
 
-@table.register
+@described.register
 def _orders_table(result: OrderTable) -> Table:
     each = [(at, case.condition, case, row) for at, case in enumerate(result.cases) for row in range(case.orders.size)]
     waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in result.cases)])
@@ -254,8 +252,6 @@ def _orders_table(result: OrderTable) -> Table:
         sigma = lambda row: None if row[2].sigma is None else row[2].sigma[row[3]]  # noqa: E731
         variables |= rows("wave", each, sigma=(sigma, ANGLE))
     return Table(
-        "OrderTable",
-        "wave",
         variables,
         {"path": result.path, **_of_file(result)},
         title=(result.path, count_of(len(result.cases), "condition")),

@@ -8,31 +8,17 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import math
-from collections.abc import Iterable, Sequence
-from functools import singledispatch
+from collections.abc import Sequence
 from typing import Any
 
 from rverror.base.text import printable
 from rverror.base.version import __version__
 from rverror.diagnosis.result import Diagnosis
-from rverror.views.blocks import (
-    Block,
-    Heading,
-    Notes,
-    Sentence,
-    Sheet,
-    Title,
-    as_html,
-    as_text,
-    grid,
-    line,
-    section,
-)
+from rverror.views.blocks import Heading, Notes, Sheet, Title, as_html, as_text, grid, line, section
+from rverror.views.describing import InputFile, enveloped
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.envelope import InputFile, enveloped
-from rverror.views.html import document, escaped, escaped_lines
+from rverror.views.html import document, escaped
 from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
@@ -40,7 +26,6 @@ from rverror.views.plots.zoomable import scripts
 from rverror.views.variables import NUMBER, columns
 
 
-@singledispatch
 def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
     """Result as text.
 
@@ -86,7 +71,6 @@ def _origin(files: Sequence[InputFile]) -> Sheet:
     return section("Inputs", *grid(("file", "bytes", "sha256"), rows), *line(f"rverror {__version__}" if rows else ""))
 
 
-@singledispatch
 def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> dict[str, Any]:
     """Result as plain data for `json.dump`; keys are only ever added.
 
@@ -118,10 +102,9 @@ def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> told["result"], told["variables"]["value"]["values"], told["variables"]["value"]["units"]
     ('Effect', [60.0], ['arcsec'])
     """
+    if isinstance(result, Diagnosis):
+        return diagnosis_json(result, files=files)
     return enveloped(type(result).__name__, content(result, **options), files)
-
-
-to_json.register(Diagnosis, diagnosis_json)
 
 
 def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
@@ -150,23 +133,20 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> to_html(rverror.reducer("RV-40E")).startswith("<!doctype html>")
     True
     """
-    if type(result) in to_text.registry:
-        told = escaped_lines(to_text(result, **options))
-        return document(f"rverror: {type(result).__name__}", f"<pre>{told}</pre>")
     first, *rest = sheet(result, **options)
     assert isinstance(first, Title)
     name = f"{first.kind}: {first.rest[0]}" if first.rest else first.kind
-    about = (Sentence(", ".join(first.rest[1:])),) if first.rest[1:] else ()
-    drawn = "\n".join(f'<figure><div class="scroll">{one}</div></figure>' for one in _figures(result, options))
-    parts = [f"<h1>{escaped(name)}</h1>", as_html((*about, *_before_sections(rest))), drawn]
-    parts += [as_html((*_sections(rest), *_origin(files)))]
+    lead = next((at for at, block in enumerate(rest) if isinstance(block, Heading | Notes)), len(rest))
+    lacking = [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
+    figures = figures_of(result, **options) if can_draw() else lacking
+    drawn = "\n".join(f'<figure><div class="scroll">{one}</div></figure>' for one in figures)
+    parts = [
+        f"<h1>{escaped(name)}</h1>",
+        as_html((*line(", ".join(first.rest[1:])), *rest[:lead])),
+        drawn,
+        as_html((*rest[lead:], *_origin(files))),
+    ]
     return document(f"rverror: {name}", "\n".join(parts), scripts() if "<script" in drawn else ())
-
-
-def _figures(result: Any, options: dict[str, Any]) -> Iterable[str]:
-    if not can_draw():
-        return [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
-    return figures_of(result, **options)
 
 
 def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
@@ -215,11 +195,3 @@ def _csv_cell(value: Any) -> str:
     if isinstance(plain, bool):
         return "yes" if plain else "no"
     return printable(str(plain))
-
-
-def _before_sections(blocks: Sequence[Block]) -> Sheet:
-    return tuple(itertools.takewhile(lambda block: not isinstance(block, Heading | Notes), blocks))
-
-
-def _sections(blocks: Sequence[Block]) -> Sheet:
-    return tuple(itertools.dropwhile(lambda block: not isinstance(block, Heading | Notes), blocks))

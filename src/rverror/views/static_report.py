@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import count_of, with_unit
+from rverror.base.numbers import brief, count_of, with_unit
 from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyEfficiency, DutyPhase, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
-from rverror.views.describing import table
+from rverror.views.describing import described
 from rverror.views.fields import arrays, rows
 from rverror.views.model_report import name_of, ways
 from rverror.views.variables import (
@@ -39,7 +39,7 @@ from rverror.views.variables import (
 _CONTACTS = {"pin": "disc pin", "cam": "disc crank", "carrier": "crank", "mesh": "crank flank"}
 
 
-@table.register
+@described.register
 def _state_table(result: Equilibrium) -> Table:
     error = result.transmission_error
     variables = {
@@ -66,18 +66,18 @@ def _state_table(result: Equilibrium) -> Table:
     variables |= arrays("xy", ["x", "y"], xy="")
     largest = [(contact, np.sqrt((force**2).sum(axis=-2)).max()) for contact, force in forces.items()]
     variables |= rows("contact", largest, contact="0", largest_force=("1", FORCE))
-    return Table("Equilibrium", "theta", variables, title=(count_of(error.size, "angle"),))
+    return Table(variables, title=(count_of(error.size, "angle"),))
 
 
 # --- torsion ----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _torsion_table(result: TorsionCurve) -> Table:
     return _over_torque(result, angle=result.angle)
 
 
-@table.register
+@described.register
 def _loop_table(result: Hysteresis) -> Table:
     return _over_torque(result, rising=result.rising, falling=result.falling, width=result.width)
 
@@ -89,13 +89,13 @@ def _over_torque(result: TorsionCurve | Hysteresis, **turns: Array) -> Table:
         variables |= arrays("torque", turned.mean(axis=1), **{f"mean_{name}": ("", ANGLE)})
         variables |= arrays("torque place", turned, **{name: ("", ANGLE)})
     places = count_of(turned.shape[1], "angle")
-    return Table(type(result).__name__, "torque", variables, title=(f"{places} of the output",))
+    return Table(variables, title=(f"{places} of the output",))
 
 
 # --- losses -----------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _efficiency_table(result: Efficiency) -> Table:
     lost = np.array(list(result.losses.values()))
     variables = {
@@ -110,7 +110,10 @@ def _efficiency_table(result: Efficiency) -> Table:
     where = f"{with_unit(result.torque, 'torque')}, {ways(result.direction)}, the {result.drives} drives"
     locked = ("self-locking: at some angle the output cannot drive it",) if result.self_locking else ()
     angles = count_of(result.theta.size, "angle")
-    return Table("Efficiency", "theta", variables, about, title=(where, angles), sentences=locked)
+    part, share = max(result.by_part.items(), key=lambda one: one[1])
+    strong = f"Mean efficiency {brief(100 * result.mean, 3)} %"
+    most = f"{strong}; largest loss: {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
+    return Table(variables, about, title=(where, angles), verdict=(most, strong), sentences=locked)
 
 
 def efficiencies_table(result: Sequence[Efficiency]) -> Table:
@@ -130,7 +133,7 @@ def efficiencies_table(result: Sequence[Efficiency]) -> Table:
         ),
         **{f"lost_{part}": variable for part, variable in lost.items()},
     }
-    return Table("Efficiencies", "case", variables)
+    return Table(variables, kind="Efficiencies")
 
 
 def _duty(duty: Sequence[DutyPhase]) -> dict[str, Variable]:
@@ -138,7 +141,7 @@ def _duty(duty: Sequence[DutyPhase]) -> dict[str, Variable]:
     return rows("duty_phase", duty, torque=TORQUE, input_speed=("speed", SPEED), duty_hours=("hours", HOURS))
 
 
-@table.register
+@described.register
 def _duty_table(result: DutyEfficiency) -> Table:
     variables = {
         **_duty(result.duty),
@@ -156,13 +159,13 @@ def _duty_table(result: DutyEfficiency) -> Table:
         **arrays("", result, ambient=TEMPERATURE, housing=TEMPERATURE, inside=TEMPERATURE),
     }
     drives = result.phases[0].drives
-    return Table("DutyEfficiency", "duty_phase", variables, {"drives": drives}, title=(f"the {drives} drives",))
+    return Table(variables, {"drives": drives}, title=(f"the {drives} drives",))
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------------
 
 
-@table.register
+@described.register
 def _pressure_table(result: ContactPressure) -> Table:
     variables = arrays("theta", result, theta=POSITION)
     sizes: dict[str, Any] = {"pressure": (result.pressure, PRESSURE), "force": (result.force, FORCE)}
@@ -175,10 +178,10 @@ def _pressure_table(result: ContactPressure) -> Table:
     variables |= rows("peak", result.peaks(), "peak_", **peaks, ripple=PERCENT)
     note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
     angles = count_of(result.theta.size, "angle")
-    return Table("ContactPressure", "peak", variables, title=(angles,), sentences=(note,))
+    return Table(variables, title=(angles,), sentences=(note,), rows="peak")
 
 
-@table.register
+@described.register
 def _wear_table(result: Wear) -> Table:
     variables = {
         **arrays(
@@ -204,11 +207,12 @@ def _wear_table(result: Wear) -> Table:
         **arrays("hour pin", result, each_pin=LENGTH),
         **_duty(result.duty),
     }
+    new, worn = (with_unit(float(result.lost_motion[at]), "angle") for at in (0, -1))
+    strong = f"Lost motion {new} new, {worn} after {brief(float(result.hours[-1]))} h"
     return Table(
-        "Wear",
-        "hour",
         variables,
         {"model": name_of(result.model)},
+        verdict=(f"{strong}.", strong),
         title=(duty_words(result.duty),),
         shown={"phase": (), "duty_phase": ()},
     )

@@ -120,9 +120,6 @@ class Table:
 
     Attributes
     ----------
-    kind : str
-    rows : str
-        Dimension of the rows of its DataFrame.
     variables : mapping of str to Variable
         By name; one that has the name of a dimension labels it.
     about : mapping of str to str, number or mapping
@@ -137,10 +134,12 @@ class Table:
         To be read after the tables.
     shown : mapping of str to sequence of str
         Columns that people read of a dimension; all where it is not named.
+    rows : str
+        Dimension of the rows of its DataFrame; that of the first column where left out.
+    kind : str
+        Name of the result's class, which `describing.table` adds, or of what stands in a row.
     """
 
-    kind: str
-    rows: str
     variables: Mapping[str, Variable]
     about: Mapping[str, Any] = field(default_factory=dict)
     title: tuple[str, ...] = ()
@@ -148,6 +147,8 @@ class Table:
     facts: Mapping[str, str] = field(default_factory=dict)
     sentences: tuple[str, ...] = ()
     shown: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    rows: str = ""
+    kind: str = ""
 
     @property
     def dims(self) -> tuple[str, ...]:

@@ -15,11 +15,11 @@ from rverror import InputError
 def test_processes_stand_beside_what_their_tolerances_allow() -> None:
     """Cp is 1.25 for cams of 2 um: 2.5 um would fit."""
     ax = lot().plot()
-    value, row = line(ax, "told from none")
+    value, row = line(ax, "significantly above zero")
     np.testing.assert_allclose(value, [1.0, 4.0, 2.0])
     np.testing.assert_allclose(row, [1, 2, 3])
     np.testing.assert_allclose(np.array(line(ax, "allowed by the tolerance, Cp = 1"))[:, 3], [2.5, 3])
-    np.testing.assert_allclose(line(ax, "not told from none"), [[1.0], [0]])
+    np.testing.assert_allclose(line(ax, "not significant"), [[1.0], [0]])
     ends = np.array([segment[:, 0] for c in ax.collections for segment in c.get_segments()])
     np.testing.assert_allclose(sorted(map(tuple, ends)), [(0.8, 1.3), (0.8, 1.3), (1.6, 2.6), (3.2, 5.2)])
     names = [label.get_text() for label in ax.get_yticklabels()]
@@ -37,7 +37,7 @@ def test_one_unit_stands_on_the_axis_alone() -> None:
 def test_shares_are_of_all_processes_that_show() -> None:
     ax = lot().plot(kind="shares")
     assert sorted(bar.get_width() for bar in ax.patches) == pytest.approx([0, 5, 20, 75])
-    assert legend(ax) == ["told from none", "not told from none"]
+    assert legend(ax) == ["significantly above zero", "not significant"]
 
 
 def test_orders_are_those_of_a_condition() -> None:

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from drawn import arrows, legend
+from drawn import arrows
 from rverror import Drive, InputError, Model, Reducer, effect, equilibrium, reducer
 from rverror.views.plots.figure import to_bytes
 
@@ -231,16 +231,6 @@ def test_lengths_are_true_in_both_directions() -> None:
     (x0, y0), (x1, y1) = ax.transData.transform([(0, 0), (10, 10)])
     assert x1 - x0 == pytest.approx(y1 - y0, rel=1e-3)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x, mm", "y, mm")
-
-
-def test_one_disc_alone() -> None:
-    ax = UNITS["RV-40E"].plot(disc=1)
-    assert len(outline(ax, 1))
-    assert not [item for item in ax.get_lines() if item.get_gid() == "disc 0"]
-    assert len(arrows(ax, "pin force, disc 0")[0]) == 0
-    assert "disc 0, its centre and cams" not in legend(ax)
-    with pytest.raises(InputError, match=r"disc = 2: this reducer has 2 discs, counted from 0"):
-        UNITS["RV-40E"].plot(disc=2)
 
 
 def test_a_drive_has_no_drawing() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from rverror import Drive, InputError, Model, Run, effect, equilibrium, reducer,
 from rverror.base.units import ARCSEC
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.plots.figure import axes_for
-from rverror.views.plots.peaks import frame_name, name_peaks, strongest
+from rverror.views.plots.spectra import frame_name, name_peaks, strongest
 
 UNIT = reducer("RV-40E")
 WORM = Drive(ratio=360.0, shafts={"worm": 360.0})
@@ -93,9 +91,6 @@ def test_the_spectrum_of_a_state() -> None:
     assert size[list(order).index(1.0)] == pytest.approx(5, rel=1e-3)
     assert ["1", "sensor.encoder_eccentricity"] in names(ax)
     assert ax.get_title() == "RV-40E, 412 N*m, forward, loaded equilibrium"
-    bare = replace(state, model=None, conditions=None)
-    assert ["1", "output side"] in names(bare.plot(kind="spectrum", mechanism=UNIT))
-    assert ["1"] in names(bare.plot(kind="spectrum"))
     with pytest.raises(InputError, match=r"even angles"):
         equilibrium(model, theta**2, torque="412 N*m").plot(kind="spectrum")
 

@@ -36,6 +36,7 @@ _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell ar
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
+_KINDS = {"worst": "worst case", "yield": "yield"}
 _SHOWN = 15  # bars for which there is room
 
 
@@ -69,7 +70,6 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
         "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""),
         *_unit(found),
         x="contribution, %",
-        columns=2,
     )
 
 
@@ -94,7 +94,6 @@ def distribution(found: ErrorBudget | VirtualUnits, *, limit: Any | None = None,
         "closed form",
         x="peak-to-peak transmission error, arcsec",
         y="share of the units per arcsec",
-        columns=4,
     )
 
 
@@ -128,7 +127,7 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
 
 
 def _within(found: Allocation) -> str:
-    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {found.kind}"
+    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {_KINDS[found.kind]}"
 
 
 def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
@@ -160,7 +159,6 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         *_unit(found),
         x="used of the limit (without one: of the P99), %",
         y="units that use no more, %",
-        columns=1,
     )
 
 
@@ -223,4 +221,4 @@ def cost_against_limit(found: Allocation, *, front: Sequence[FrontPoint] = (), a
         ax.plot(found.limit / ARCSEC, found.cost, "s", color=_LIGHT, ms=8, mec=_LIMIT, label="the limit asked for")
     if np.isfinite(found.cost_before):
         ax.axhline(found.cost_before, color=_LIMIT, lw=0.8, ls="--", label="cost of the tolerances as given")
-    return labelled(ax, "Least cost of the tolerances against the limit", x="limit, arcsec", y=_COST, columns=2)
+    return labelled(ax, "Least cost of the tolerances against the limit", x="limit, arcsec", y=_COST)

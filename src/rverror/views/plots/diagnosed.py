@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,7 +20,8 @@ from rverror.base.numbers import brief, with_unit
 from rverror.base.text import describe, file_name
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
-from rverror.views.by_order import residual_spectrum
+from rverror.views.by_order import turns_of
+from rverror.views.order_report import law_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     ORDER,
@@ -35,11 +37,8 @@ from rverror.views.plots.figure import (
     signal_label,
     stated,
 )
-from rverror.views.plots.peaks import frame_name, resolution
-from rverror.views.plots.spectra import Lines, draw_lines
+from rverror.views.plots.spectra import draw_lines, frame_name, lines_of, resolution
 from rverror.views.plots.waveforms import unit_name
-from rverror.views.resonance_report import law_of
-from rverror.views.set_aside import LABELS, marks
 
 _BEFORE, _AFTER = style.ORANGE, style.BLUE
 _LOOKS = ((_BEFORE, style.DASHED, 1.2), (_AFTER, "solid", 0.9))
@@ -52,7 +51,6 @@ _FRAMED = 3.0  # times the lowest and highest frequency found, that are shown
 _RANKED = 10  # candidates for which there is room
 _DECADES = 30.0  # times the smallest difference of scores, beyond which their axis is logarithmic
 _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
-_MARKERS = {"aside": (_TICK_UP, 9.0, 1.2), "slip": (_CARET_UP_BASE, 7.0, 0.0)}  # marker, its size and line width
 
 
 def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes | None = None) -> Axes:
@@ -74,12 +72,26 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes 
 
 
 def _mark(ax: Axes, trace: Trace) -> None:
-    """Marks on the axis where samples were set aside and where the reading slips."""
-    for one in marks(trace):
-        marker, size, width = _MARKERS[one.kind]
-        look: dict[str, Any] = {"marker": marker, "ms": size, "mew": width, "ls": "none", "color": style.BLACK}
-        place: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-        ax.plot(np.degrees(one.angles), np.zeros(one.angles.size), label=LABELS[one.kind], **look, **place)
+    """Marks on the axis where samples were set aside and where the reading slips.
+
+    Where the waveform spans whole turns, angles of later turns are folded onto it; else those beyond its ends are not
+    shown.
+    """
+    low, high, turns = float(trace.theta.min()), float(trace.theta.max()), turns_of(np.sort(trace.theta))
+    for label, angles, marker, size, width in (
+        ("sample set aside", trace.set_aside, _TICK_UP, 9.0, 1.2),
+        ("slip of the reading", trace.slips, _CARET_UP_BASE, 7.0, 0.0),
+    ):
+        if angles is None:
+            continue
+        if turns == round(turns):
+            shown = low + np.mod(angles - low, 2 * math.pi * turns)
+        else:
+            shown = angles[(angles >= low) & (angles <= high)]
+        if shown.size:
+            look: dict[str, Any] = {"marker": marker, "ms": size, "mew": width, "ls": "none", "color": style.BLACK}
+            place: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+            ax.plot(np.degrees(shown), np.zeros(shown.size), label=label, **look, **place)
 
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -124,7 +136,7 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
     what = "seen by no fit" if trace.unseen else "stretches left out"
     rows = {"measured": trace.before[rank], f"compensated, {what}": trace.after[rank]}
     _before_and_after(ax, trace.theta[rank], rows, "angle")
-    return over_angle(ax, *_unit(made), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
+    return over_angle(ax, unit_name(made.model), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
 
 
 def _before_and_after(ax: Axes, theta: Array, rows: Mapping[str, Array], quantity: str) -> None:
@@ -159,12 +171,8 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    title = ["orders compensated", *_unit(made), of]
+    title = ["orders compensated", unit_name(made.model), of]
     return labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit('angle')}", yscale="log")
-
-
-def _unit(made: Compensation) -> list[str]:
-    return [] if made.model is None else [unit_name(made.model)]
 
 
 def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
@@ -190,11 +198,12 @@ def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     named = ", ".join(plain(describe(one.effect.key, one.effect.indices)) for one in diagnosis.added)
     return labelled(
         ax,
-        f"candidates: the best takes off {brief(ranking[0].heldout_gain, 3)}" if ranking else "no candidate was scored",
+        f"candidates: the best lowers the objective by {brief(ranking[0].heldout_gain, 3)}"
+        if ranking
+        else "no candidate was scored",
         f"added: {named}" if named else "nothing added",
         x="score behind the best, fall of the objective by a linear step (a number)",
         xlim=(None, None) if ranking else (0, 1),
-        columns=2,
     )
 
 
@@ -205,16 +214,16 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     is what noise leaves by the median of 25 neighbouring lines of the residual after, as lines are few.
     """
     trace = _trace(diagnosis, run)
-    found = residual_spectrum(trace)
-    before, after = (in_shown_unit(v, diagnosis.quantity) for v in (found.before, found.after))
-    floor = scipy.ndimage.median_filter(after, size=min(_NEIGHBOURS, after.size), mode="nearest") / _MEDIAN
+    before, after = (lines_of(trace.theta, in_shown_unit(row, diagnosis.quantity)) for row in trace.residual)
+    lines = min(_NEIGHBOURS, after.size.size)
+    floor = scipy.ndimage.median_filter(after.size, size=lines, mode="nearest") / _MEDIAN
     rows = [
-        ("residual before", Lines(found.order, before, floor)),
-        ("residual after", Lines(found.order, after, floor, "noise, rms")),
+        ("residual before", replace(before, floor=floor)),
+        ("residual after", replace(after, floor=floor, floor_name="noise, rms")),
     ]
-    name = partial(frame_name, diagnosis.declared.mechanism, within=resolution(found.order))
+    name = partial(frame_name, diagnosis.declared.mechanism, within=resolution(after.order))
     title = ["residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace)]
-    last = highest or min(_last_found(diagnosis), float(found.order[-1]))
+    last = highest or min(_last_found(diagnosis), float(after.order[-1]))
     return draw_lines(rows, name, title=title, unit=shown_unit(diagnosis.quantity), highest=last, ax=ax)
 
 

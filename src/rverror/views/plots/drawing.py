@@ -12,28 +12,6 @@ from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
-from rverror.compensation.outcome import Compensation
-from rverror.diagnosis.result import Diagnosis
-from rverror.dynamics.at_speed import SpeedResponse
-from rverror.dynamics.natural_modes import Modes
-from rverror.dynamics.running_up import RunUp
-from rverror.geartrain.mechanism import Reducer
-from rverror.life.result import RunsCompared, Trend
-from rverror.lots.of_drives import DriveLot
-from rverror.lots.result import Lot
-from rverror.matching.result import Matched
-from rverror.model.effects import Model
-from rverror.model.results import Equilibrium, Influence
-from rverror.runs.measurement import Run
-from rverror.runs.order_table import OrderTable
-from rverror.statics.friction import Efficiency, Hysteresis
-from rverror.statics.hertz import ContactPressure
-from rverror.statics.rigidity import TorsionCurve
-from rverror.statics.worn_contacts import Wear
-from rverror.tolerances.allocation_result import Allocation
-from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.full_budget import ErrorBudget
-from rverror.tolerances.sampling import VirtualUnits
 from rverror.views.plots import (
     budgets,
     diagnosed,
@@ -47,34 +25,34 @@ from rverror.views.plots import (
 )
 from rverror.views.plots.figure import Axes
 
-#: Plots of each kind of result by name, the usual one first.
-PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
+#: Plots of each kind of result by name, the usual one first; the kinds by the names of their classes.
+PICTURES: Mapping[str, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
     {
-        Model: {
+        "Model": {
             "waveform": waveforms.model_waveform,
             "stacked": waveforms.stacked,
             "polar": waveforms.model_polar,
             "spectrum": spectra.model_spectrum,
             "mechanism": mechanism_view.mechanism,
         },
-        Reducer: {"mechanism": mechanism_view.mechanism},
-        Influence: {"waveform": waveforms.influence_waveform},
-        Equilibrium: {"waveform": waveforms.state_waveform, "spectrum": spectra.state_spectrum},
-        TorsionCurve: {"torsion": under_load.torsion},
-        Hysteresis: {"loop": under_load.loop},
-        Efficiency: {"losses": under_load.losses},
-        ContactPressure: {"pressure": under_load.pressures},
-        Wear: {"hours": under_load.over_hours, "lobe": under_load.worn_lobe},
-        Modes: {"shape": mechanism_view.mode_shape},
-        SpeedResponse: {
+        "Reducer": {"mechanism": mechanism_view.mechanism},
+        "Influence": {"waveform": waveforms.influence_waveform},
+        "Equilibrium": {"waveform": waveforms.state_waveform, "spectrum": spectra.state_spectrum},
+        "TorsionCurve": {"torsion": under_load.torsion},
+        "Hysteresis": {"loop": under_load.loop},
+        "Efficiency": {"losses": under_load.losses},
+        "ContactPressure": {"pressure": under_load.pressures},
+        "Wear": {"hours": under_load.over_hours, "lobe": under_load.worn_lobe},
+        "Modes": {"shape": mechanism_view.mode_shape},
+        "SpeedResponse": {
             "amplitudes": speeds.speed_amplitudes,
             "campbell": speeds.campbell,
             "order_map": speeds.speed_map,
         },
-        RunUp: {"waveform": speeds.run_up_waveform},
-        Run: {"waveform": waveforms.run_waveform, "spectrum": spectra.run_spectrum},
-        OrderTable: {"amplitudes": order_tables.table_amplitudes, "passport": order_tables.table_passport},
-        Diagnosis: {
+        "RunUp": {"waveform": speeds.run_up_waveform},
+        "Run": {"waveform": waveforms.run_waveform, "spectrum": spectra.run_spectrum},
+        "OrderTable": {"amplitudes": order_tables.table_amplitudes, "passport": order_tables.table_passport},
+        "Diagnosis": {
             "waveform": diagnosed.diagnosis_waveform,
             "spectrum": diagnosed.order_spectrum,
             "residual": diagnosed.residual,
@@ -83,28 +61,34 @@ PICTURES: Mapping[type, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
             "passport": order_tables.diagnosis_passport,
             "shares": order_tables.order_shares,
         },
-        Compensation: {"orders": diagnosed.compensated_orders, "waveform": diagnosed.compensated_waveform},
-        Budget: {"contributions": budgets.contributions, "envelope": budgets.envelope},
-        ErrorBudget: {
+        "Compensation": {"orders": diagnosed.compensated_orders, "waveform": diagnosed.compensated_waveform},
+        "Budget": {"contributions": budgets.contributions, "envelope": budgets.envelope},
+        "ErrorBudget": {
             "contributions": budgets.contributions,
             "distribution": budgets.distribution,
             "envelope": budgets.envelope,
             "at_load": budgets.at_load,
         },
-        VirtualUnits: {"distribution": budgets.distribution},
-        Allocation: {"widths": budgets.widths, "front": budgets.cost_against_limit, "at_load": budgets.at_load},
-        Lot: {
+        "VirtualUnits": {"distribution": budgets.distribution},
+        "Allocation": {"widths": budgets.widths, "front": budgets.cost_against_limit, "at_load": budgets.at_load},
+        "Lot": {
             "processes": many_units.lot_processes,
             "shares": many_units.lot_shares,
             "orders": many_units.lot_orders,
             "predicted": many_units.lot_predicted,
         },
-        DriveLot: {"orders": many_units.drive_lot_orders},
-        Trend: {"courses": many_units.trend_courses},
-        RunsCompared: {"orders": many_units.compared_orders},
-        Matched: {"errors": many_units.matched_errors},
+        "DriveLot": {"orders": many_units.drive_lot_orders},
+        "Trend": {"courses": many_units.trend_courses},
+        "RunsCompared": {"orders": many_units.compared_orders},
+        "Matched": {"errors": many_units.matched_errors},
     }
 )
+
+
+def pictures_of(thing: Any) -> Mapping[str, Callable[..., Axes]]:
+    """Plots of what kind a thing is; none of another."""
+    names = (kind.__name__ for kind in type(thing).__mro__)
+    return next((PICTURES[name] for name in names if name in PICTURES), {})
 
 
 def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **options: Any) -> Axes:
@@ -147,12 +131,10 @@ def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **optio
     """
     if isinstance(ax, str):
         raise InputError(f"ax = {ax!r}: a plot is chosen by its name, kind={ax!r}; what stands first are axes")
-    plots = next((PICTURES[one] for one in type(thing).__mro__ if one in PICTURES), None)
-    if plots is None:
-        known = ", ".join(one.__name__ for one in PICTURES)
-        raise InputError(f"a {type(thing).__name__} has no plot; these have: {known}; give one of them")
+    plots, name = pictures_of(thing), type(thing).__name__
+    if not plots:
+        raise InputError(f"a {name} has no plot; these have: {', '.join(PICTURES)}; give one of them")
     chosen = next(iter(plots)) if kind is None else kind
-    name = type(thing).__name__
     if chosen not in plots:
         hint = did_you_mean(str(chosen), plots)
         raise InputError(f"kind = {chosen!r}: a {name} is drawn as {', '.join(plots)};{hint or ' choose one of them'}")

@@ -40,6 +40,7 @@ _DECADES = 3.0  # of the colours of a map, down from the largest
 _LETTER = 0.55  # of the size of a font, the width of its letters in the mean
 _MARGIN = 1.2  # inches of the width of a cell that labels and ticks take
 _KEY = 9  # letters that a legend's line and the gap after it take
+_COLUMNS = 4  # of a legend under the axes, at the most
 _PAD = 4.2  # letters from axes to the legend under them: ticks and label
 _BESIDE = 0.42  # of the width of a cell, for a legend beside the axes
 _FEWEST_BESIDE = 33  # letters; where there is no room for them a legend stands under the axes
@@ -104,10 +105,21 @@ def _shown(ax: Axes) -> Axes:
 def axes_for(
     ax: Axes | None, *, projection: Projection = "rectilinear", width: float = 9.0, height: float = 3.2
 ) -> Axes:
-    """Axes to draw on: those given, if `check_axes` lets them pass, else those of a new figure of a size in inches."""
+    """Axes to draw on: those given, else those of a new figure of a size in inches.
+
+    Raises
+    ------
+    InputError
+        If `ax` is no axes, or of another sort; or if it is not given and matplotlib is not installed.
+    """
     if ax is None:
         return _shown(bare_figure(width, height).add_subplot(projection=projection))
-    check_axes(ax, projection=projection)
+    found = getattr(ax, "name", None)
+    if not hasattr(ax, "plot") or not isinstance(found, str):
+        raise InputError(f"ax is a {type(ax).__name__}, no axes of matplotlib; give one axes, or leave ax out")
+    if found != projection:
+        remedy = "figure.add_subplot(projection='polar')" if projection == "polar" else "figure.add_subplot()"
+        raise InputError(f"ax has {found} axes, this plot needs {projection} ones; make them with {remedy}")
     return ax
 
 
@@ -119,25 +131,6 @@ def axes_of_rows(ax: Axes | None, names: Sequence[str], *, upwards: bool = True)
     ends = (-0.6, max(len(names), 1) - 0.4)
     ax.set_ylim(ends if upwards else ends[::-1])
     return ax, places
-
-
-def check_axes(ax: Axes | None, *, projection: Projection = "rectilinear") -> None:
-    """Refuse axes of the wrong sort, before anything is computed for them.
-
-    Raises
-    ------
-    InputError
-        If `ax` is given and no axes, or of another sort; or if it is not given and matplotlib is not installed.
-    """
-    if ax is None:
-        bare_figure(1.0, 1.0)
-        return
-    found = getattr(ax, "name", None)
-    if not hasattr(ax, "plot") or not isinstance(found, str):
-        raise InputError(f"ax is a {type(ax).__name__}, no axes of matplotlib; give one axes, or leave ax out")
-    if found != projection:
-        remedy = "figure.add_subplot(projection='polar')" if projection == "polar" else "figure.add_subplot()"
-        raise InputError(f"ax has {found} axes, this plot needs {projection} ones; make them with {remedy}")
 
 
 def shown_unit(quantity: str) -> str:
@@ -218,7 +211,6 @@ def labelled(
     x: str,
     y: str = "",
     legend: Literal["below", "beside", ""] = "below",
-    columns: int = 3,
     legend_title: str | None = None,
     **limits: Any,
 ) -> Axes:
@@ -228,7 +220,7 @@ def labelled(
     if legend == "beside":
         legend_beside(ax, title=legend_title)
     elif legend:
-        legend_below(ax, columns=columns)
+        legend_below(ax, title=legend_title)
     return ax
 
 
@@ -292,11 +284,11 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     return tuple(one[kept] for one in (x, *rows))
 
 
-def legend_below(ax: Axes, *, columns: int = 3, title: str | None = None) -> None:
+def legend_below(ax: Axes, *, title: str | None = None) -> None:
     """Legend under the axes and their label, where it hides no line."""
     room = letters(ax, "small")
     longest = max(map(len, ax.get_legend_handles_labels()[1]), default=0)
-    columns = max(1, min(columns, room // (longest + _KEY)))
+    columns = max(1, min(_COLUMNS, room // (longest + _KEY)))
     # the pad is in letters, not in parts of the axes, so it clears the label of low axes too
     _legend(ax, room, bbox_to_anchor=(0, 0), borderaxespad=_PAD, ncols=columns, fontsize="small", title=title)
 
@@ -314,7 +306,7 @@ def _legend(ax: Axes, room: int, **options: Any) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         told = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
-        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, **options)
+        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:

@@ -67,9 +67,9 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
 
 
 def _by_evidence(rows: Sequence[MadeBy]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
-    """Processes that are told from none, and those that are not, with their face and name."""
+    """Processes whose scatter is significant, and those of which it is not, with their face and name."""
     told = np.array([one.above_zero for one in rows])
-    for some, face, label in ((told, style.BLUE, "told from none"), (~told, "white", "not told from none")):
+    for some, face, label in ((told, style.BLUE, "significantly above zero"), (~told, "white", "not significant")):
         if some.any():
             yield some, face, label
 
@@ -127,7 +127,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     own = {(one.serial, one.order, one.condition) for one in found.own}
     odd = np.array([[(s, o.order, o.condition) in own for o in found.orders] for s in found.serials])
-    place, sizes = np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle")
+    place, sizes = (np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle"))
     ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
     mean, low, high = in_shown_unit(ends, "angle").T
     ax.vlines(place[0] + 0.2, low, high, color=style.BLUE, lw=1.3)
@@ -173,14 +173,7 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
         (seen[0], at - 0.12, "^", _MEASURED, "white", "measured, mean"),
     ):
         ax.plot(x, y, mark, color=colour, mfc=face, ms=6, label=label)
-    return labelled(
-        ax,
-        "Units to come",
-        *_of(found),
-        x="peak-to-peak transmission error, arcsec",
-        xlim=(0, None),
-        columns=2,
-    )
+    return labelled(ax, "Units to come", *_of(found), x="peak-to-peak transmission error, arcsec", xlim=(0, None))
 
 
 def _shown(found: Lot) -> list[MadeBy]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,10 +24,10 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import equilibrium
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, legend_beside, plain
+from rverror.views.plots.figure import Axes, axes_for, labelled, plain
 
 _DISCS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
-_PER_LOBE = 64  # points of an outline, evenly along it
+_PER_LOBE = 256  # points of an outline: chords of 3 um at a pin circle of 64 mm, at a lobe's tip far less
 _KEY = 10.0  # mm of the drawing, of which the scales are told
 _LONGEST = 0.3  # of the pin circle's radius, of the longest arrow of a scale
 _LIGHT_TORQUE = 1e5  # N*mm, for a reducer without a rated torque
@@ -73,7 +73,7 @@ def places(motion: Contacts) -> Places:
     eccentric = motion.eccentric[:, 0]
     turns, theta = frame_orders(unit), float(motion.theta[0])
     centre = unit.eccentricity * _along(eccentric)
-    shape = profile(unit, _rolls(unit))
+    shape = profile(unit, np.linspace(0, 2 * np.pi * unit.disc_lobes, _PER_LOBE * unit.disc_lobes + 1))
     cos, sin = np.cos(-eccentric / unit.disc_lobes), np.sin(-eccentric / unit.disc_lobes)
     turned = np.moveaxis(np.array([[cos, -sin], [sin, cos]]), -1, 0) @ shape
     pins = unit.pin_circle_radius * _along(pin_positions(unit))
@@ -93,15 +93,6 @@ def places(motion: Contacts) -> Places:
             "mesh": np.repeat(unit.sun_pitch_radius * position[:, None], 2, axis=1),
         },
     )
-
-
-def _rolls(unit: Reducer) -> Array:
-    """Roll angles of a whole outline, evenly along it: over the roll angle points crowd at a lobe's tip."""
-    fine = np.linspace(0, 2 * np.pi, 20 * _PER_LOBE + 1)
-    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(profile(unit, fine)))))
-    lobe = np.interp(np.arange(_PER_LOBE) / _PER_LOBE * length[-1], length, fine)
-    turns = 2 * np.pi * np.arange(unit.disc_lobes)[:, None]
-    return np.append((turns + lobe).ravel(), 2 * np.pi * unit.disc_lobes)
 
 
 def _along(angle: Array) -> Array:
@@ -166,7 +157,6 @@ def mechanism(
     theta: Any = 0.0,
     direction: Direction = "forward",
     torque: Any | None = None,
-    disc: int | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw a reducer at one output angle: nominal geometry to size, forces and declared errors as arrows.
@@ -180,8 +170,6 @@ def mechanism(
     torque : float or quantity, optional
         Output torque, N*mm, at which the forces are those of the equilibrium, contacts that open included.  Where left
         out they are those of the closed form at the rated torque, or at 100 N*m where none is rated.
-    disc : int, optional
-        The only disc to draw; all where left out.
     ax : Axes, optional
         Its aspect is made equal.
 
@@ -192,7 +180,7 @@ def mechanism(
     Raises
     ------
     InputError
-        If the model is no reducer or there is no such disc.
+        If the model is no reducer.
 
     Notes
     -----
@@ -203,35 +191,38 @@ def mechanism(
     unit = whole.mechanism
     if not isinstance(unit, Reducer):
         raise InputError("the mechanism of a [drive] is not known; a drawing needs a [reducer] model")
-    if disc is not None and not 0 <= disc < unit.discs:
-        raise InputError(f"disc = {disc}: this reducer has {unit.discs} discs, counted from 0")
     angle = units.to_core(theta, "angle")
     direction = direction_sign(direction)
-    motion = pose(unit, [angle + whole.index_offset], direction=direction)
-    assert isinstance(motion, Contacts)
+    motion = _posed(whole, angle, direction)
     forces, load = forces_at(whole, motion, theta=angle, torque=torque)
     errors, unseen = error_vectors(whole, motion, forces)
-    discs = range(unit.discs) if disc is None else range(disc, disc + 1)
     where = places(motion)
 
     ax = axes_for(ax, width=9.0, height=6.0)
-    draw_parts(ax, unit, where, discs)
+    draw_parts(ax, unit, where)
     told = [f"{_KEY:g} mm of an arrow are"]
     for name, contacts in (("pins and sun", ("pin", "mesh")), ("the bearings of the cranks", ("cam", "carrier"))):
-        size = _contact_arrows(ax, unit, where, {key: forces[key] for key in contacts}, discs)
+        size = _contact_arrows(ax, unit, where, {key: forces[key] for key in contacts})
         told.append(f"at {name}: {brief(_KEY * size, 3)} N")
-    if size := _contact_arrows(ax, unit, where, errors, discs, error=True):
+    if size := _contact_arrows(ax, unit, where, errors, error=True):
         told.append(f"of errors, driving less driven surface: {1e3 * _KEY * size:.3g} um")
     if unseen:
         told.append("not drawn, angles: " + plain(", ".join(unseen)))
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
-    title = f"{name} at {math.degrees(angle):.4g} deg, {way(direction)}, {load / 1e3:.4g} N*m, {how}"
-    return _finish(ax, title, "\n".join(told))
+    title = [f"{name} at {math.degrees(angle):.4g} deg", way(direction), with_unit(load, "torque"), how]
+    return _finish(ax, title, told)
+
+
+def _posed(model: Model, theta: float, direction: float) -> Contacts:
+    """Nominal motion of a reducer in one sample, as the gears' marks have it."""
+    motion = pose(model.mechanism, [theta + model.index_offset], direction=direction)
+    assert isinstance(motion, Contacts)
+    return motion
 
 
 def _contact_arrows(
-    ax: Axes, unit: Reducer, where: Places, vectors: Mapping[str, Array], discs: range, *, error: bool = False
+    ax: Axes, unit: Reducer, where: Places, vectors: Mapping[str, Array], *, error: bool = False
 ) -> float:
     """Draw arrows of contacts to one scale, those of a disc in its colour; what a mm of them is, 0 without any."""
     longest = max(float(np.linalg.norm(of, axis=-1).max(initial=0.0)) for of in vectors.values())
@@ -240,7 +231,7 @@ def _contact_arrows(
     size = _round_up(_KEY * longest / (_LONGEST * unit.pin_circle_radius)) / _KEY
     for key, of in vectors.items():
         at, what = where.contact[key], f"{key} {'error' if error else 'force'}"
-        parts = [(f"{what}, disc {k}", k) for k in discs] if key in ("pin", "cam") else [(what, None)]
+        parts = [(f"{what}, disc {k}", k) for k in range(unit.discs)] if key in ("pin", "cam") else [(what, None)]
         for name, k in parts:
             chosen = slice(None) if k is None else k
             colour = style.VERMILLION if error else _colour(k)
@@ -290,12 +281,9 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     chosen = 1 + int(own[0] if own.size else 0) if mode is None else mode
     if not 1 <= chosen <= count:
         raise InputError(f"mode = {mode}: this reducer has modes 1 to {count}, from the lowest frequency up")
-    unit = modes.model.mechanism
-    assert isinstance(unit, Reducer)
-    motion = pose(unit, [modes.theta + modes.model.index_offset], direction=modes.direction)
-    assert isinstance(motion, Contacts)
-    where = places(motion)
-    draw_parts(ax, unit, where, range(unit.discs))
+    motion = _posed(modes.model, modes.theta, modes.direction)
+    unit, where = motion.reducer, places(motion)
+    draw_parts(ax, unit, where)
     moved = _moved(unit, where, {part: rows[:, chosen - 1] for part, rows in modes.shape.items()})
     # a motion of input or load alone has nothing that could be drawn
     longest = max(1e-12, *(float(np.linalg.norm(steps, axis=-1).max()) for _, steps in moved.values()))
@@ -308,9 +296,9 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
         told.append(f"{what}: {name.replace('_', ' ')} {100 * share:.0f} %")
     frequency = f"{float(modes.frequency[chosen - 1]):.4g} Hz"
     of_sun = ", of the sun's support" if modes.of_sun_support[chosen - 1] else ""
-    state = f"{with_unit(modes.torque, 'torque')}, {way(modes.direction)}, at {math.degrees(modes.theta):.4g} deg"
-    name = plain(modes.model.name or unit.name)
-    return _finish(ax, f"{name}, mode {chosen} of {count}, {frequency}{of_sun}\n{state}", "\n".join(told))
+    title = [plain(modes.model.name or unit.name), f"mode {chosen} of {count}", f"{frequency}{of_sun}"]
+    state = [with_unit(modes.torque, "torque"), way(modes.direction), f"at {math.degrees(modes.theta):.4g} deg"]
+    return _finish(ax, title + state, told)
 
 
 def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
@@ -329,14 +317,14 @@ def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str
     return moved
 
 
-def draw_parts(ax: Axes, unit: Reducer, where: Places, discs: range) -> None:
-    """Draw pins, some discs with their cams, gears and carrier."""
+def draw_parts(ax: Axes, unit: Reducer, where: Places) -> None:
+    """Draw pins, discs with their cams, gears and carrier."""
     from matplotlib.patches import Circle
 
     for i, (x, y) in enumerate(where.pins):
         label = "pins" if i == 0 else None
         ax.add_patch(Circle((x, y), unit.pin_radius, fc="0.85", ec="0.3", lw=0.7, gid=f"pin {i}", label=label))
-    for k in discs:
+    for k in range(unit.discs):
         look: dict[str, Any] = {"color": _colour(k), "ls": style.DASHES[k % len(style.DASHES)]}
         ax.plot(*where.outline[k], lw=1.2, gid=f"disc {k}", label=f"disc {k}, its centre and cams", **look)
         ax.plot(*where.disc[k], "+", color=look["color"], ms=8, mew=1.4)
@@ -372,9 +360,7 @@ def _arrows(ax: Axes, at: Array, vectors: Array, *, colour: str, hollow: bool = 
     ax.quiver(x[seen], y[seen], u[seen], v[seen], edgecolor=colour, gid=gid, **to_scale, **look)
 
 
-def _finish(ax: Axes, title: str, told: str) -> Axes:
+def _finish(ax: Axes, title: Sequence[str], told: Sequence[str]) -> Axes:
     """Equal aspect, units, title, and a legend with what is told."""
-    ax.set(xlabel="x, mm", ylabel="y, mm", title=title, aspect="equal")
     ax.margins(0.04)
-    legend_beside(ax, title=told)
-    return ax
+    return labelled(ax, *title, x="x, mm", y="y, mm", aspect="equal", legend="beside", legend_title="\n".join(told))

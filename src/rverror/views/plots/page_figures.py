@@ -8,27 +8,23 @@ from types import MappingProxyType
 from typing import Any
 
 from rverror.base.errors import InputError
-from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.mechanism import Reducer
-from rverror.lots.result import Lot
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
-from rverror.tolerances.allocation_result import Allocation
-from rverror.tolerances.full_budget import ErrorBudget
-from rverror.views.plots.drawing import PICTURES, draw
+from rverror.views.plots.drawing import draw, pictures_of
 from rverror.views.plots.figure import Figure, bare_figure
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.zoomable import figure_element
 
 #: Plots that show a kind of result; of any other the usual one.
-_KINDS: Mapping[type, tuple[str, ...]] = MappingProxyType(
+_KINDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        Diagnosis: ("waveform", "residual", "spectrum", "passport", "resonances", "shares"),
-        ErrorBudget: ("contributions", "distribution", "at_load"),
-        Allocation: ("widths", "front", "at_load"),
-        Lot: ("processes", "shares", "orders", "predicted"),
-        Compensation: ("orders", "waveform"),
+        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "resonances", "shares"),
+        "ErrorBudget": ("contributions", "distribution", "at_load"),
+        "Allocation": ("widths", "front", "at_load"),
+        "Lot": ("processes", "shares", "orders", "predicted"),
+        "Compensation": ("orders", "waveform"),
     }
 )
 _PAGE_ALONE = "residual"  # which one figure of all has no room for
@@ -42,7 +38,7 @@ def figures_of(result: Any, **options: Any) -> Iterator[str]:
     Parameters
     ----------
     result
-        One of the kinds of `PICTURES`; there is no picture of another.
+        One of the kinds of `drawing.PICTURES`; there is no picture of another.
     **options
         Of plots that take them: the `limit` of a distribution.
     """
@@ -86,10 +82,10 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
 
 def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Kind and options of each plot that shows a result, one for each of its first runs."""
-    own = next((PICTURES[one] for one in type(result).__mro__ if one in PICTURES), {})
+    own = pictures_of(result)
     of_runs = getattr(result, "traces", getattr(result, "conditions", ()))
     runs = len(of_runs) if isinstance(of_runs, tuple) else 0
-    for kind in _KINDS.get(type(result), tuple(own)[:1]):
+    for kind in _KINDS.get(type(result).__name__, tuple(own)[:1]):
         taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}
         if "run" in taken:

@@ -12,20 +12,20 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
-from rverror.diagnosis.result import Trace
-from rverror.geartrain.kinematics import true_period, whole_turn
+from rverror.geartrain.kinematics import fundamental_orders, true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.model.results import Equilibrium
 from rverror.runs.measurement import Run
-from rverror.runs.spectrum import noise_spectrum, revolutions
-from rverror.views.by_order import residual_spectrum
+from rverror.runs.spectrum import amplitude, frames_of_order, harmonics, noise_spectrum, revolutions
+from rverror.views.by_order import short_frame, turns_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     ORDER,
@@ -34,27 +34,27 @@ from rverror.views.plots.figure import (
     for_drawing,
     in_shown_unit,
     labelled,
+    letters,
+    plain,
     shown_unit,
     span_of,
     stated,
 )
-from rverror.views.plots.peaks import LOBE, SIDELOBES, frame_name, name_peaks, resolution
-from rverror.views.plots.waveforms import (
-    MOST_TURNS,
-    Signal,
-    parts_of,
-    run_title,
-    signals_of,
-    state_title,
-    unit_name,
-)
+from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title, unit_name
 
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
 _STANDS_OUT = 4.0  # times the noise's rms amplitude: chance leaves one line in 10^7 above it
 _SEEN = 0.03  # of the strongest line, up to the last of which orders are shown
-_ROWS = ((style.BLUE, "solid", 1.6), (style.ORANGE, style.DASHED, 0.8))
+_ROWS = ((style.BLUE, "solid"), (style.ORANGE, style.DASHED))
 _OPEN = 1.5  # times the largest line, that the ordinate shows
+#: Bins over which the window of a part of a turn spreads a line to either side, and the share of it beside them.
+_LOBE, _SIDELOBES = 5, 0.05
+_NAMED = 8  # peaks that are named
+_ALONE = 3.0  # times the resolution, within which no other order of a frame may lie
+_FONT = 7.0  # points
+_SLOPE = 35.0  # degrees, of names
+_APART = 4.5  # letters, between neighbours of that slope
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -69,10 +69,26 @@ class Lines:
 
 
 def lines_of(theta: Array, values: Array) -> Lines:
-    """Order spectrum of one row at even angles, rad, of whole turns or of a part of one."""
-    nothing = np.zeros_like(values)
-    found = residual_spectrum(Trace("", 1.0, theta, values, nothing, nothing))
-    return Lines(found.order, found.before)
+    """Order spectrum of one row at even angles, rad, of whole turns or of a part of one.
+
+    Over a part of a turn no order repeats: a parabola is taken off and a Hann window put on, so that what grows along
+    the run does not spill over all orders.  Orders are then resolved no finer than two per travel.
+    """
+    turns, n = turns_of(theta), theta.size
+    if turns == round(turns):
+        size = amplitude(harmonics(values), n)
+        return Lines(np.arange(1, size.size + 1, dtype=np.float64) / turns, size)
+    bins = np.arange(4, int(0.8 * n))  # padded to twice the travel, they lie half a travel's order apart
+    return Lines(bins / (2 * turns), np.abs(np.fft.rfft(_windowed(values), 2 * n))[bins])
+
+
+def _windowed(values: Array) -> Array:
+    """Values less their parabola, under a window so scaled that a line's sum over it is its amplitude."""
+    at = np.linspace(-1.0, 1.0, values.size)
+    basis = np.stack([np.ones_like(at), at, at**2])
+    rest = values - np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
+    window = np.hanning(values.size)
+    return np.asarray(rest * window * 2 / window.sum(), dtype=np.float64)
 
 
 def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
@@ -193,9 +209,7 @@ def run_spectrum(
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
-def state_spectrum(
-    state: Equilibrium, *, mechanism: Mechanism | None = None, highest: float | None = None, ax: Axes | None = None
-) -> Axes:
+def state_spectrum(state: Equilibrium, *, highest: float | None = None, ax: Axes | None = None) -> Axes:
     """Order spectrum of the transmission error of a loaded state at even angles, with the causes of its peaks.
 
     A peak has the name of the declared effect that makes most of it in closed form at the same angles, at which orders
@@ -204,8 +218,6 @@ def state_spectrum(
     Parameters
     ----------
     state : Equilibrium
-    mechanism : Reducer, optional
-        For the frames of the peaks, of a state that does not know its model.
     highest : float, optional
         As in `model_spectrum`.
 
@@ -219,16 +231,13 @@ def state_spectrum(
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
-    unit = mechanism if state.model is None else state.model.mechanism
-    frame, where = _namer(unit, found), state.conditions
-    causes: Callable[..., str] | None = None
-    if state.model is not None and where is not None:
-        alone = in_shown_unit(transmission_error_by_effect(state.model, where), "angle")
-        causes = causes_of(state.model, where.theta, alone)
+    frame = _namer(state.model.mechanism, found)
+    alone = in_shown_unit(transmission_error_by_effect(state.model, state.conditions), "angle")
+    causes = causes_of(state.model, angle, alone)
 
     def name(order: float) -> str:
         size = float(found.size[int(np.argmin(np.abs(found.order - order)))])
-        return (causes(order, size) if causes else "") or frame(order)
+        return causes(order, size) or frame(order)
 
     return draw_lines([("loaded equilibrium", found)], name, title=state_title(state), highest=highest, ax=ax)
 
@@ -264,7 +273,7 @@ def draw_lines(
     highest: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Stems of each row, floors as lines, the strongest peaks of the first row named.
+    """Stems of the first row and rings of the second, floors as lines, the strongest peaks of the first row named.
 
     Parameters
     ----------
@@ -284,12 +293,14 @@ def draw_lines(
     floors = [float(np.median(found.floor)) for _, found in rows if found.floor is not None]
     bottom = max(min(floors) / 4, 1e-6 * top) if floors and min(floors) > 0 else _LEAST_SHARE * top
     last = highest or _last(rows, top)
-    # the second row is drawn thin and light over the first
-    for (label, found), (colour, dashes, width) in zip(rows, _ROWS, strict=False):
+    for number, ((label, found), (colour, dashes)) in enumerate(zip(rows, _ROWS, strict=False)):
         shown = found.order <= last
         high = shown & (found.size > bottom)
         order, size = for_drawing(found.order[high], found.size[high])
-        ax.vlines(order, bottom, size, color=colour, lw=width, label=label)
+        if number == 0:
+            ax.vlines(order, bottom, size, color=colour, lw=1.6, label=label)
+        else:  # stems over stems would blend into one colour
+            ax.plot(order, size, "o", color=colour, ms=3, mfc="white", mew=0.9, label=label)
         if found.floor is not None and found.floor_name:
             floor = for_drawing(found.order[shown], np.maximum(found.floor[shown], bottom))
             ax.plot(*floor, color=style.BLACK, ls=dashes, lw=1.0, label=found.floor_name)
@@ -299,14 +310,14 @@ def draw_lines(
         ax, *title, x=ORDER, y=f"amplitude, {unit}", legend="below" if len(rows) + len(floors) > 1 else "", **limits
     )
     shown = lines.order <= last
-    apart = 2 * LOBE if resolution(lines.order) else 1
+    apart = 2 * _LOBE if resolution(lines.order) else 1
     name_peaks(ax, lines.order[shown], lines.size[shown], name, floor=_threshold(lines, top)[shown], apart=apart)
     return ax
 
 
 def _threshold(lines: Lines, top: float) -> Array:
     """Amplitude above which a line is one."""
-    share = SIDELOBES if resolution(lines.order) else _LEAST_SHARE
+    share = _SIDELOBES if resolution(lines.order) else _LEAST_SHARE
     least = np.full(lines.size.shape, share * top)
     return least if lines.floor is None else np.maximum(least, _STANDS_OUT * lines.floor)
 
@@ -319,3 +330,104 @@ def _last(rows: Sequence[tuple[str, Lines]], top: float) -> float:
         orders += [1.06 * float(order) for order in found.order[out][-1:]]
     ends = max(float(found.order[-1]) for _, found in rows)
     return min(max(orders), ends)
+
+
+# --- peaks ------------------------------------------------------------------------------------------------------------
+
+
+def resolution(order: Array) -> float:
+    """Distance of the bins of a windowed spectrum, which hit no order exactly; 0 for harmonics of whole turns.
+
+    Examples
+    --------
+    >>> resolution(np.array([0.5, 1.0, 1.5])), resolution(np.array([18.5, 23.1]))
+    (0.0, 4.6...)
+    """
+    step = float(order[1] - order[0]) if order.size > 1 else 0.0
+    return 0.0 if abs(order[0] - step) < 1e-6 * step else step
+
+
+def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> str:
+    """Order and the first frame that it fits, short.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    order : float
+        Per output turn.
+    within : float
+        How far the order may be off, `resolution`.  A frame is then named only if its order lies so near, and no other
+        one within three times as much.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> frame_name(reducer("RV-40E"), 78.0)
+    '78: housing 39 x 2'
+    >>> frame_name(reducer("RV-40E"), 79.2, within=1.5)
+    'about 79.2'
+    """
+    told, exact = f"{order:g}", order
+    if within:
+        told = f"about {order:.3g}" if order < 1e3 else f"about {order:.0f}"
+        multiples = {base * (round(order / base) + k) for base in _bases(mechanism) for k in (-1, 0, 1)}
+        near = {round(one, 6) for one in multiples if one > 0 and abs(one - order) <= _ALONE * within}
+        exact = min(near, key=lambda one: abs(one - order), default=order)
+        if len(near) > 1 or abs(exact - order) > within:
+            return told
+    frames = frames_of_order(mechanism, exact)
+    return f"{told}: {short_frame(frames[0]) if frames else 'no frame'}"
+
+
+def _bases(mechanism: Mechanism) -> set[float]:
+    if isinstance(mechanism, Drive):
+        return {abs(mechanism.ratio), *map(abs, mechanism.shafts.values())}
+    return {*fundamental_orders(mechanism).values(), abs(mechanism.ratio)}
+
+
+def strongest(size: Array, *, floor: Array, apart: int = 1) -> list[int]:
+    """Places of the largest crests above a floor, at least so many places apart, the largest first.
+
+    Parameters
+    ----------
+    size, floor : ndarray, shape (m,)
+    apart : int
+
+    Returns
+    -------
+    list of int
+        Eight at the most.
+    """
+    crests, _ = scipy.signal.find_peaks(np.pad(size, 1), height=np.pad(floor, 1), distance=apart)
+    return sorted((crests - 1).tolist(), key=lambda place: -size[place])[:_NAMED]
+
+
+def name_peaks(
+    ax: Axes, order: Array, size: Array, name: Callable[[float], str], *, floor: Array, apart: int = 1
+) -> None:
+    """Write the names of the strongest lines of a spectrum over its axes.
+
+    Parameters
+    ----------
+    ax : Axes
+    order, size : ndarray, shape (m,)
+        Lines that are drawn.
+    name : callable
+        Text for an order.
+    floor : ndarray, shape (m,)
+        What a line must exceed to be named.
+    apart : int
+        Lines between two that are named at least, wherever there is room for the names of neighbours.
+    """
+    room = int(np.ceil(_APART * order.size / letters(ax, _FONT)))
+    chosen = strongest(size, floor=floor, apart=max(apart, room))
+    if not chosen:
+        return
+    ax.vlines(order[chosen], size[chosen], 1e3 * size.max(), colors="0.6", lw=0.4, zorder=0)
+    above = ax.secondary_xaxis("top")
+    told = [plain(name(place)) for place in order[chosen]]
+    above.set_xticks(order[chosen], told, rotation=_SLOPE, ha="left", rotation_mode="anchor", fontsize=_FONT)

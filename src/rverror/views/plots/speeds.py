@@ -174,7 +174,7 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
     shown = every <= highest
     waves = 2 * np.fft.rfft(response.transmission_error)[:, 1:][:, shown] / count
     orders = np.append(every[shown], every[shown][-1] + 1 / response.period) - 0.5 / response.period
-    mesh = _edges(in_shown_unit(response.speed, "angular_speed")), orders, in_shown_unit(np.abs(waves).T, "angle")
+    mesh = (_edges(in_shown_unit(response.speed, "angular_speed")), orders, in_shown_unit(np.abs(waves).T, "angle"))
     heat_map(ax, [mesh], label=f"amplitude, {shown_unit('angle')}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
 

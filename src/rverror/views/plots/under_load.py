@@ -21,6 +21,7 @@ from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, over_angle, shown_unit
 
 _PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
+_WITHOUT_TURNING = 7  # bars whose texts fit beside one another
 _ROOM = 1.35  # times the highest bar, with the efficiency written above it
 _MARKS = "os^D"  # one for each kind of contact
 
@@ -44,7 +45,7 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
         If the curve does not reach +-3 % of the rated torque.
     """
     order = np.argsort(curve.torque, kind="stable")
-    torque, angle = in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle")
+    torque, angle = (in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle"))
     middle = angle.mean(axis=1)
     branches = [
         (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))
@@ -95,7 +96,7 @@ def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Arra
     ax.axvline(0, color=style.BLACK, lw=0.4)
     held = f"{shown} over {angles} angles" if angles > 1 else ""
     x, y = "torque on the output, N*m", "turn of the output, arcsec"
-    return labelled(ax, what, "input held", held, x=x, y=y, columns=2)
+    return labelled(ax, what, "input held", held, x=x, y=y)
 
 
 def _lost_motion(torque: Array, angle: Array, rated: Any) -> tuple[Array, Array] | None:
@@ -141,15 +142,16 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
         top += height
     for x, high, one in zip(place.tolist(), top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
-    cases = [_case(one) for one in listed]
-    common = cases[0] if len(set(cases)) == 1 else ""
+    cases = list(zip(*map(_case, listed), strict=True))
     loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
-    ticks = loads if common else [f"{load}, {case}" for load, case in zip(loads, cases, strict=True)]
-    ax.set_xticks(place, ticks, fontsize="small", rotation=0 if common else 90)
+    differing = [words for words in cases if len(set(words)) > 1]
+    joint, turned = ("\n", 0) if len(listed) <= _WITHOUT_TURNING or not differing else (", ", 90)
+    ticks = [joint.join(words) for words in zip(loads, *differing, strict=True)]
+    ax.set_xticks(place, ticks, fontsize="small", rotation=turned)
     return labelled(
         ax,
         "losses to friction, above them the efficiency",
-        common,
+        *(words[0] for words in cases if words not in differing),
         x="torque on the output, N*m",
         y="lost of the work put in, %",
         xlim=(-1.0, len(listed)),
@@ -158,10 +160,10 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     )
 
 
-def _case(one: Efficiency) -> str:
+def _case(one: Efficiency) -> tuple[str, str]:
     """What drives, and which way it goes."""
     ways = {way(sense) for sense in one.direction.tolist()}
-    return f"{one.drives} drives, {ways.pop() if len(ways) == 1 else 'mixed'}"
+    return f"{one.drives} drives", ways.pop() if len(ways) == 1 else "mixed"
 
 
 def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
@@ -187,7 +189,7 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
         mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
     y = f"largest pressure, {shown_unit('pressure')}"
-    return over_angle(ax, "contact pressure", y=y, ylim=(0, None), columns=2)
+    return over_angle(ax, "contact pressure", y=y, ylim=(0, None))
 
 
 def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:

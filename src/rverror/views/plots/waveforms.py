@@ -109,14 +109,12 @@ def model_waveform(
         If an effect needs a time or a torque that is not given.
     """
     ax = axes_for(ax)
-    shown = _shown(model, theta, most, waves, direction=direction, time=time, torque=torque)
-    drawn = about_constants(shown)
+    drawn, label = _drawn(model, theta, most, waves, direction=direction, time=time, torque=torque)
     angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
     for number, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
         ax.plot(angle, row, lw=0.9, label=name, **style.line_style(number))
     ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
-    title = _title(model, torque=torque, direction=direction)
-    return over_angle(ax, *title, y=_error_label(shown, drawn), legend="beside")
+    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
 
 
 def stacked(
@@ -135,8 +133,7 @@ def stacked(
     An effect that is negative at an angle takes its height off there.  Its options are those of `model_waveform`.
     """
     ax = axes_for(ax, height=3.8)
-    shown = _shown(model, theta, most, waves, direction=direction, time=time, torque=torque)
-    drawn = about_constants(shown)
+    drawn, label = _drawn(model, theta, most, waves, direction=direction, time=time, torque=torque)
     whole = np.concatenate([np.zeros((1, drawn.theta.size)), np.cumsum(drawn.rows, axis=0)])
     angle, *edges = for_drawing(np.degrees(drawn.theta), *whole)
     for i, name in enumerate(drawn.names):
@@ -145,14 +142,20 @@ def stacked(
         ax.plot(angle, edges[i + 1], color=style.BLACK, lw=0.5)
     ax.axhline(0, color=style.BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=style.BLACK, lw=1.6, label="total")
-    title = _title(model, torque=torque, direction=direction)
-    return over_angle(ax, *title, y=_error_label(shown, drawn), legend="beside")
+    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
 
 
-def _shown(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> Parts:
-    """The largest effects at the angles given, or over a few waves of the strongest order."""
+def _drawn(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> tuple[Parts, str]:
+    """The largest effects at the angles given, or over a few waves of the strongest order; label of the ordinate.
+
+    The ordinate shows all of the error, or what constants leave.
+    """
     parts = parts_of(model, theta, **motion)
-    return (_first_waves(parts, waves) if theta is None else parts).largest(most)
+    shown = (_first_waves(parts, waves) if theta is None else parts).largest(most)
+    drawn = about_constants(shown)
+    name, unit = signal_label("angle").split(", ")
+    about = "" if drawn is shown else f" about {float(shown.rows.sum(axis=0).mean()):+.4g}"
+    return drawn, f"{name}{about}, {unit}"
 
 
 def about_constants(parts: Parts) -> Parts:
@@ -171,14 +174,6 @@ def about_constants(parts: Parts) -> Parts:
     told = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
     names = tuple(name + about for name, about in zip(parts.names, told, strict=True))
     return Parts(parts.theta, parts.rows - constants[:, None], names)
-
-
-def _error_label(whole: Parts, drawn: Parts) -> str:
-    """What the ordinate shows: all of the error, or what constants leave."""
-    if drawn is whole:
-        return signal_label("angle")
-    name, unit = signal_label("angle").split(", ")
-    return f"{name} about {float(whole.rows.sum(axis=0).mean()):+.4g}, {unit}"
 
 
 def _first_waves(parts: Parts, waves: int) -> Parts:
@@ -315,12 +310,11 @@ def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
 
 
 def state_title(state: Equilibrium) -> list[str]:
-    """Unit, load and direction of a loaded state, as far as it knows them."""
-    told = [] if state.model is None else [unit_name(state.model)]
+    """Unit, load and direction of a loaded state."""
     where = state.conditions
-    if where is not None:
-        told += stated(torque=where.torque if where.load is None else where.load, direction=where.direction)
-    return [*told, "loaded equilibrium"]
+    assert where is not None  # as `equilibrium` gives it
+    load = where.torque if where.load is None else where.load
+    return [unit_name(state.model), *stated(torque=load, direction=where.direction), "loaded equilibrium"]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
@@ -335,4 +329,4 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
         ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **style.line_style(number))
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}", columns=4)
+    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")

@@ -8,6 +8,8 @@ from functools import cache
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from rverror.views.plots.figure import Figure, svg_element
 
 #: Draws each figure whose data stand beside its still picture, at the size of that.
@@ -28,6 +30,7 @@ for (const told of document.querySelectorAll("figure script")) {
 }
 """
 _DIGITS = 6  # of what is drawn, as of the still picture: a screen shows four
+_TICKS = {"format_string": f".{_DIGITS - 1}~g", "prefix": "", "suffix": ""}  # numbers that leave the label its room
 
 
 def figure_element(figure: Figure, number: int) -> str:
@@ -78,8 +81,16 @@ def _data(figure: Figure, number: int) -> str:
 
     figure.set_dpi(72)  # mpld3 takes points for pixels
     for ax in figure.axes:
-        ax.yaxis.labelpad += 10  # numbers have more digits once it is zoomed
+        ax.yaxis.labelpad += 30  # numbers have more digits once it is zoomed
         ax.xaxis.labelpad += 3
+        legend = ax.get_legend()
+        keys = [] if legend is None else legend.get_lines()
+        for key in keys:
+            if key.get_linestyle() == "None":  # it draws as many marks as there are points
+                middle = np.asarray(key.get_xydata(), dtype=np.float64).mean(axis=0)
+                key.set(data=middle[:, None], markevery=None)
+        for line in (*ax.lines, *keys):  # where it looks for dashes
+            line._dashSeq = line._dash_pattern[1]  # type: ignore[attr-defined]
         for line in ax.lines:  # across the axes: through the same points of the data
             line.set_data(*(line.get_transform() - ax.transData).transform(line.get_xydata()).T)
             line.set_transform(ax.transData)
@@ -92,7 +103,10 @@ def _data(figure: Figure, number: int) -> str:
             ax.text(x, y, label.get_text(), transform=ax.transAxes, **style)
             label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
-    told = json.dumps(mpld3.fig_to_dict(figure), default=float)
+    made = mpld3.fig_to_dict(figure)
+    for axis in (axis for axes in made["axes"] for axis in axes["axes"]):
+        axis |= {"tickformat_formatter": "str_method", "tickformat": _TICKS}
+    told = json.dumps(made, default=float)
     names, numbers = dict[str, str](), count()
     told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
     # JSON has no NaN: as a word it is none to a line either, which has a gap there

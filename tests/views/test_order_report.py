@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport, passport
 from rverror.runs.order_table import OrderCase, TableCondition
-from rverror.views.passport_report import kinds_of_causes, passport_json, passports
+from rverror.views.order_report import kinds_of_causes, passport_json, passports
 
 RATIO = 81.0
 ORDERS = np.array([1.0, 78.0, 240.0])

@@ -1,4 +1,4 @@
-"""The passport of orders: its variables, its entries in JSON, and the kinds of causes in words."""
+"""Orders over load and speed: the passports and natural frequencies that a diagnosis tells."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import numpy as np
 from rverror.base.numbers import brief, in_arcsec, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport
+from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.fields import OWN, Field, alike, entry, rows, value_at
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SPEED, Unit, Variable
+from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, Unit, Variable
 
 _PER_LOAD = Unit("rad/(N*mm)", "arcsec/(kN*m)", ARCSEC / 1e6)
 _PER_SPEED = Unit("s", "arcsec/krpm", ARCSEC * 30 / (1000 * math.pi))
@@ -66,7 +67,7 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
 
 def kinds_of_causes(found: Sequence[OrderPassport]) -> list[str]:
     """A sentence for each kind of causes that an order may come from."""
-    return [f"Order {brief(one.order, 6)} may come from: {kind}." for one in found for kind in one.kinds]
+    return [f"Order {brief(one.order, 6)}: {kind}." for one in found for kind in one.kinds]
 
 
 def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | None = None) -> list[dict[str, Any]]:
@@ -119,3 +120,56 @@ def _part_json(part: WavePart | None, unit: Unit) -> dict[str, Any] | None:
     if part is None:
         return None
     return entry(part, unit, **alike(OWN, "amplitude", "low", "high"), phase_deg=(_phase, POSITION))
+
+
+_CURVE = 301  # points of a law
+
+
+def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
+    """Natural frequencies as plain data for `json.dump`: Hz, with 95 % intervals; None where a bound is not told.
+
+    Parameters
+    ----------
+    found : sequence of Resonance
+    """
+    sizes = alike(NUMBER, "low", "high", "damping_ratio")
+    return [entry(one, frequency_hz=("frequency", NUMBER), **sizes) for one in found]
+
+
+def resonances(found: Sequence[Resonance]) -> dict[str, Variable]:
+    """Natural frequencies with their orders, and for each order its own one and the speed at which it is largest."""
+    peaks = [(order, alone, _largest_at(one, order)) for one in found for order, alone in one.alone.items()]
+    return {
+        **rows(
+            "resonance",
+            found,
+            "resonance_",
+            frequency=HERTZ,
+            frequency_low=("low", HERTZ),
+            frequency_high=("high", HERTZ),
+            damping_ratio=NUMBER,
+            damping_ratio_low=("damping_low", NUMBER),
+            damping_ratio_high=("damping_high", NUMBER),
+            orders=None,
+        ),
+        **rows("peak", peaks, "peak_", order=("0", NUMBER), alone=("1", HERTZ), largest_at=("2", SPEED)),
+    }
+
+
+def _largest_at(one: Resonance, order: float) -> float:
+    """Input speed at which an order is largest, rad/s."""
+    waves = np.concatenate([own.waves for own in one.series if own.order == order])
+    speeds = np.concatenate([own.speed for own in one.series if own.order == order])
+    return float(speeds[np.argmax(np.abs(waves))])
+
+
+def alone(found: Sequence[Resonance]) -> str:
+    """What is to be doubted of a frequency that one order alone shows."""
+    orders = ", ".join(f"{one.orders[0]:g}" for one in found if len(one.orders) == 1)
+    return f"Order {orders} alone shows it: what happens at that speed would look the same." if orders else ""
+
+
+def law_of(one: Resonance, series: ResonantSeries) -> tuple[Any, Any]:
+    """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
+    frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), _CURVE)
+    return frequency, np.abs(series.static + one.part(series, frequency))

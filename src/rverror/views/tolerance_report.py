@@ -1,0 +1,451 @@
+"""Tolerances, their budgets and yields, and what an allocation makes of them: what is told of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rverror.base import units
+from rverror.base.arrays import Array
+from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
+from rverror.base.units import ARCSEC
+from rverror.geartrain.mechanism import Reducer
+from rverror.tolerances.allocation_result import Allocation, FrontPoint
+from rverror.tolerances.closed_form import Budget
+from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.full_budget import ErrorBudget
+from rverror.tolerances.loaded_budget import LoadedBudget
+from rverror.tolerances.loaded_yield import LimitYield, Verified
+from rverror.tolerances.sampling import Size, VirtualUnits
+from rverror.tolerances.sobol import SobolIndices
+from rverror.views.blocks import Sheet
+from rverror.views.describing import described, entries, sheet, sheet_of
+from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, rows, sized
+from rverror.views.model_report import name_of
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
+
+#: Quantiles that are told.
+LEVELS = (0.5, 0.95, 0.99)
+#: Of a torsional stiffness, as makers print it.
+_STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
+
+
+# --- yields at the load -----------------------------------------------------------------------------------------------
+
+
+def _unit(one: LimitYield) -> Unit:
+    return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
+
+
+def _quantile(level: float, row: tuple[LimitYield, Any]) -> float:
+    return row[0].quantile(level).value
+
+
+def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
+    """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
+    each = [
+        (one, None if one.limit.value is None else (one.share, *one.interval), share)
+        for one, share in zip(found.limits, closed, strict=True)
+    ]
+    quantiles: dict[str, Field] = {f"p{100 * level:g}": (partial(_quantile, level), OWN) for level in LEVELS}
+    shares: dict[str, Field] = {
+        name: (f"1.{at}", PERCENT) for at, name in enumerate(("yield", "yield_low", "yield_high"))
+    }
+    return rows(
+        "limit_at_load",
+        each,
+        "",
+        ("limit_at_load_unit", lambda row: _unit(row[0])),
+        limit_at_load="0.limit.label",
+        limit_value=("0.limit.value", OWN),
+        **quantiles,
+        **shares,
+        yield_in_closed_form=("2", PERCENT),
+    )
+
+
+def yield_words(found: Verified) -> tuple[str, ...]:
+    """Yield of all limits together, how many units were solved, and what the quantiles are of."""
+    share, low, high = (100 * one for one in (found.together, *found.together_interval))
+    limited = [one for one in found.limits if one.limit.value is not None]
+    told = []
+    if len(limited) > 1:
+        told.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
+    if found.failures:
+        told.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
+    first = found.limits[0]
+    told.append(
+        f"At the load: {first.units} units drawn afresh, seed {found.seed}, solved by the equilibrium, contacts that "
+        f"open included; interval: {100 * first.confidence:g} %. A quantile far within the limit may not be known; P99 "
+        "of a stiffness is what 99 % of the units do not fall below."
+    )
+    return tuple(told)
+
+
+def _yield_entry(one: LimitYield) -> dict[str, Any]:
+    """Entry of JSON of a limit: the quantity, its torque and limit with their units, the yield."""
+    limit = one.limit
+    told: dict[str, Any] = {"limit": None, "yield": None, "interval": None}
+    if limit.value is not None:
+        told["limit"] = f"{brief(limit.shown(limit.value), 6)} {limit.unit}"
+        told |= {"yield": rounded(one.share), "interval": [rounded(end) for end in one.interval]}
+    return {
+        **entry(one, quantity="limit.quantity", level="limit.level", confidence=None, units=None),
+        "torque": None if limit.torque is None else limit.load(6),
+        **told,
+        "method": "equilibrium",
+    }
+
+
+def together_entry(found: Verified) -> dict[str, Any]:
+    """Entry of JSON: the yield of all limits together, and units without an equilibrium."""
+    ends = [rounded(end) for end in found.together_interval]
+    return {
+        "all_limits": {"yield": rounded(found.together), "interval": ends},
+        "units_without_equilibrium": len(found.failures),
+        "seed": found.seed,
+    }
+
+
+# --- tolerances -------------------------------------------------------------------------------------------------------
+
+
+@described.register
+def _tolerance_table(result: Tolerance) -> Table:
+    return Table(_widths([result]), title=(result.label,))
+
+
+def tolerances_table(result: Sequence[Tolerance]) -> Table:
+    """Tolerances in a row."""
+    return Table(_widths(result), kind="Tolerances")
+
+
+def _widths(tolerances: Sequence[Tolerance]) -> dict[str, Variable]:
+    return rows(
+        "tolerance",
+        tolerances,
+        "",
+        ("unit", "chosen.0.dimension"),
+        tolerance="label",
+        key=None,
+        width=OWN,
+        distribution="distribution.name",
+        correlation=NUMBER,
+        classes=NUMBER,
+        random_phase=None,
+        fixed=None,
+        least=("span.0", OWN),
+        largest=("span.1", OWN),
+    )
+
+
+# --- allocations ------------------------------------------------------------------------------------------------------
+
+
+@described.register
+def _allocation_table(result: Allocation) -> Table:
+    own = Each("unit", tuple(map(unit_of, result.dimensions)))
+    loaded = result.verified
+    rates: dict[str, Field] = {
+        "saved_per_percent_of_limits_given_up": ("relax", NUMBER),
+        "cost_per_percent_of_limits_gained": ("tighten", NUMBER),
+    }
+    stages = ("before", result.used_before, result.cost_before), ("after", result.used, result.cost)
+    variables = {
+        **rows("stage", stages, stage="0", used=("1", NUMBER), total_cost=("2", NUMBER)),
+        **arrays(
+            "tolerance",
+            result,
+            tolerance=lambda one: list(one.labels),
+            width_before=("widths_before", own),
+            width=("widths", own),
+            cost_before=("costs_before", NUMBER),
+            cost=("costs", NUMBER),
+            held_by=lambda one: list(one.held_by),
+            grade=lambda one: [grade or "" for grade in one.grades],
+            fixed=lambda one: list(one.fixed),
+        ),
+        **rows("tolerance", result.rates, **rates),
+        **arrays("", result, limit=ANGLE, shadow_price=NUMBER, cost_scaled_alike=("uniform_cost", NUMBER)),
+        **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
+        **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
+    }
+    binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
+    strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
+    shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
+    return Table(
+        variables,
+        {"limited": result.kind, "level": result.level},
+        title=(f"least cost {_within(result)}",),
+        verdict=(f"{strong}. {binds}.", strong),
+        sentences=_sentences(result),
+        shown={"tolerance": shown},
+        rows="tolerance",
+    )
+
+
+def _sentences(found: Allocation) -> tuple[str, ...]:
+    """What is limited, what the rates are, how good the widths are."""
+    check, loaded = found.closed_form, found.verified
+    limits = "all limits" if found.kind == "load" else "the limit"
+    told = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
+    if found.shadow_price is not None:
+        told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+    if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
+        told.append("Where infinitely much is saved, the width does not matter.")
+    told += yield_words(loaded) if loaded else ()
+    told.append(
+        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
+        f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
+    )
+    return tuple(told)
+
+
+@entries.register
+def _allocation_content(found: Allocation) -> dict[str, Any]:
+    speed, loaded = found.speed, found.verified
+    return {
+        "model": found.model or None,
+        "cost_before": rounded(found.cost_before),
+        "cost": rounded(found.cost),
+        "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
+        "verified": [_yield_entry(one) for one in loaded.limits] if loaded else [],
+        **(together_entry(loaded) if loaded else {}),
+    }
+
+
+def _limited_by(found: Allocation) -> str:
+    """What an allocation limits, in words."""
+    quantile = f"P{100 * found.level:g} of the peak-to-peak"
+    unit = f"the unit at P{100 * found.level:g}"
+    return {"worst": "the worst-case peak-to-peak", "yield": quantile, "load": unit}[found.kind]
+
+
+def _within(found: Allocation) -> str:
+    """What an allocation is for, to stand behind "Least cost"."""
+    if found.limit is None:
+        return f"at which {100 * found.level:g} % of the units meet all limits at the load"
+    return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
+
+
+def front_table(result: Sequence[FrontPoint]) -> Table:
+    """Least costs of several limits."""
+    variables = rows("limit", result, limit=ANGLE, cost=("allocation.cost", NUMBER), reason=None)
+    return Table(variables, kind="Front")
+
+
+#: Sizes of an output error, and what people call them.
+_SIZES: Mapping[Size, str] = {
+    "peak_to_peak": "peak-to-peak",
+    "max": "max |TE - offset|",
+    "rms": "rms",
+    "offset": "offset",
+}
+_SHOWN = ("tolerance", "width", "unit", "share", "worst_peak_to_peak", "worst_part")
+
+
+# --- in closed form ---------------------------------------------------------------------------------------------------
+
+
+@described.register
+def _budget_table(result: Budget) -> Table:
+    return Table(
+        {**_nominal_and_worst(result), **_of_tolerances(result), **_of_angles(result)},
+        title=(_counts(result),),
+        sentences=_quiet(result),
+        shown={"tolerance": _SHOWN},
+        rows="tolerance",
+    )
+
+
+def _order(closed: Budget) -> list[int]:
+    """Tolerances, the largest share first."""
+    return sorted(range(len(closed.contributions)), key=lambda at: -closed.contributions[at].share)
+
+
+def _of_tolerances(closed: Budget) -> dict[str, Variable]:
+    return rows(
+        "tolerance",
+        [closed.contributions[at] for at in _order(closed)],
+        "",
+        ("tolerance_unit", "dimension"),
+        tolerance="label",
+        width=OWN,
+        components=COUNT,
+        mean_square=SQUARE,
+        share=PERCENT,
+        **alike(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
+        **alike(ANGLE, "offset_deviation", "worst_offset"),
+        effect=None,
+    )
+
+
+def _of_angles(closed: Budget) -> dict[str, Variable]:
+    """Waveforms of the error, and what the tolerances make together."""
+    return {
+        **arrays("theta", closed, theta=("theta", POSITION)),
+        **arrays("theta", closed, **alike(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
+        **arrays("theta", closed.worst, **alike(ANGLE, "lower", "upper")),
+        **arrays("", closed, root_sum_of_squares=("rss", ANGLE), expected_rms=("rms", ANGLE)),
+        **arrays("", closed, standard_deviation_of_offset=("offset_deviation", ANGLE)),
+    }
+
+
+def _nominal_and_worst(closed: Budget) -> dict[str, Variable]:
+    """Sizes of the output error with every toleranced value at its mean, and what no unit exceeds, as far as known."""
+    worst, peak = closed.worst, float(np.abs(closed.mean - closed.offset_mean).max())
+    nominal = [closed.nominal_peak_to_peak, peak, math.sqrt(closed.nominal_mean_square), closed.offset_mean]
+    farthest = [worst.peak_to_peak, worst.maximum, math.nan, max(worst.offset, key=abs)]
+    return {
+        "size": Variable(("size",), list(_SIZES.values())),
+        "size_nominal": Variable(("size",), nominal, ANGLE),
+        "size_worst_case": Variable(("size",), farthest, ANGLE),
+    }
+
+
+def _quantiles(drawn: VirtualUnits) -> dict[str, Variable]:
+    """Sizes of the output error that shares of the units do not exceed."""
+    made = {"size": Variable(("size",), list(_SIZES.values()))}
+    for level in LEVELS:
+        found = [(drawn.quantile(level, size),) for size in _SIZES]
+        made |= rows("size", found, **sized(f"size_p{100 * level:g}", ANGLE, "0"))
+    return made
+
+
+def _counts(closed: Budget) -> str:
+    each = closed.contributions
+    return f"{count_of(len(each), 'tolerance')}, {count_of(sum(e.components for e in each), 'component')}"
+
+
+def _quiet(closed: Budget) -> tuple[str, ...]:
+    """What makes no wave."""
+    quiet = ", ".join(one.label for one in closed.contributions if one.effect != "wave")
+    told = f"In closed form these change the offset of the output angle alone, or nothing: {quiet}."
+    return (told,) if quiet else ()
+
+
+# --- of virtual units -------------------------------------------------------------------------------------------------
+
+
+@described.register
+def _units_table(result: VirtualUnits) -> Table:
+    variables = {
+        **_quantiles(result),
+        **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
+    }
+    title = (f"{result.count}, seed {result.seed}",)
+    return Table(variables, {"seed": result.seed}, title=title)
+
+
+@described.register
+def _error_budget_table(result: ErrorBudget) -> Table:
+    return _told(result, None)
+
+
+def _told(result: ErrorBudget, limit: Any | None) -> Table:
+    """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
+    closed, drawn, loaded = result.closed, result.units, result.at_load
+    order = _order(closed)
+    variables = {**_nominal_and_worst(closed), **_quantiles(drawn), **_of_tolerances(closed)}
+    shown = [*_SHOWN]
+    if result.indices is not None:
+        waves = [closed.contributions[at].effect == "wave" for at in order]
+        shown += ["sobol_total", "sobol_total_interval"]
+        for which in ("first", "total"):
+            variables |= _sobol(f"sobol_{which}", result.indices, which, order, waves)
+    about = {"model": name_of(result.model), "direction": way(result.direction)}
+    speed = result.stack.speed
+    sentences = [
+        f"Closed form{_state(result)}; {closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."
+    ]
+    sentences.append(
+        "P99: what 99 % of the units do not exceed. Low to high: the 95 % interval of the Monte Carlo estimate, not "
+        "how far units scatter. Sobol index: share of the variance of the peak-to-peak."
+    )
+    sentences += _quiet(closed)
+    if loaded is not None:
+        variables |= yields(loaded.verified, loaded.closed_form)
+        variables |= arrays("limit_at_load", loaded, worst_parts=ANGLE)
+        for one, found in zip(loaded.verified.limits, loaded.shares, strict=True):
+            name = f"sobol_total, {one.limit.label}"
+            shown += [name, f"{name}_interval"]
+            if found is not None:
+                variables |= _sobol(name, found, "total", order, [True] * len(order))
+        about["units_without_equilibrium"] = "\n".join(loaded.verified.failures)
+        sentences += yield_words(loaded.verified)
+        sentences.append("Worst parts: those of the closed form, solved at the load.")
+    return Table(
+        {**variables, **_of_angles(closed)},
+        about if speed is None else {**about, "input_speed_rpm": units.to_display(speed, "angular_speed")},
+        title=(name_of(result.model), _counts(closed), way(result.direction)),
+        verdict=_verdict(result, limit),
+        sentences=tuple(sentences),
+        shown={"tolerance": shown},
+        rows="tolerance",
+        kind="ErrorBudget",
+    )
+
+
+def _sobol(
+    name: str, indices: SobolIndices, which: str, order: Sequence[int], known: Sequence[bool]
+) -> dict[str, Variable]:
+    """Indices of the tolerances; none of what makes no wave."""
+
+    def of(end: str) -> Variable:
+        values: Array = getattr(indices, f"{which}{end}")[order]
+        return Variable(("tolerance",), np.where(known, values, np.nan), NUMBER)
+
+    return {f"{name}{end}": of(end) for end in ("", "_low", "_high")}
+
+
+def _state(result: ErrorBudget) -> str:
+    """About which state the closed form is one."""
+    if result.stack.speed is not None:
+        return f" about the loaded state{at_input_speed(result.stack.speed)}"
+    return ": rigid bearings, all loaded pins carry" if isinstance(result.model.mechanism, Reducer) else ""
+
+
+def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
+    """What most units stay within, what makes most of it, the yield at a limit; and the words to be read first."""
+    p99 = result.units.quantile(0.99)
+    size, low, high = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
+    strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
+    first = max(result.closed.contributions, key=lambda one: one.share)
+    most = " No tolerance changes more than the offset."
+    if first.share > 0:
+        most = f" {first.label} makes most of it, {100 * first.share:.0f} % of the variance."
+    within = ""
+    if limit is not None:
+        at = units.named_core("limit", limit, "angle")
+        found = result.units.yield_at(at)
+        share, least, largest = (100 * one for one in (found.value, found.low, found.high))
+        within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
+    return f"{strong} ({low} to {high}).{most}{within}", strong
+
+
+@sheet.register
+def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
+    return sheet_of(_told(thing, limit))
+
+
+@entries.register
+def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> dict[str, Any]:
+    """`limit` of the peak-to-peak is that at which the yield is told."""
+    passed = None if limit is None else found.units.yield_at(limit)
+    return {
+        "units": found.units.count,
+        "seed": found.units.seed,
+        "yield": passed and entry(passed, value=NUMBER, low=NUMBER, high=NUMBER),
+        "limits": [] if found.at_load is None else _loaded_entries(found.at_load),
+        **({} if found.at_load is None else together_entry(found.at_load.verified)),
+    }
+
+
+def _loaded_entries(loaded: LoadedBudget) -> list[dict[str, Any]]:
+    """Entries of the limits in JSON, with what the closed form says."""
+    each = zip(loaded.verified.limits, loaded.closed_form, strict=True)
+    return [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in each]
