@@ -90,7 +90,6 @@ def run() -> rverror.Run:
         temperature="31.5 degC",
         index="A",
         metadata={"bench": HOSTILE, HOSTILE: "Ä. Ö."},
-        extra={"current[A]": np.cos(angle), "N/m": angle, HOSTILE: -angle},
     )
 
 

@@ -22,7 +22,7 @@ SOFT = rverror.Model(OTHER, (CLEARANCE, WAVE))  # as it is: with other stiffness
 def part(run: rverror.Run, kept: np.ndarray) -> rverror.Run:
     """Some samples of a run."""
     columns = {n: getattr(run, n) for n in ("input_angle", "output_angle", "te_column", "direction", "time")}
-    return replace(run, **{n: None if v is None else v[kept] for n, v in columns.items()}, extra={})
+    return replace(run, **{n: None if v is None else v[kept] for n, v in columns.items()})
 
 
 def rms(values: np.ndarray) -> float:

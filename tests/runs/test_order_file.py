@@ -171,7 +171,7 @@ def test_columns_and_keys_without_a_meaning_are_noted(tmp_path: Path) -> None:
                  "phase[deg],rank,comment\nforward,40,2,30,1,good\n")  # fmt: skip
     assert table.metadata["bench"] == "north"
     assert any("'temperatur' in line 2" in note and "did you mean 'temperature'?" in note for note in table.notes)
-    assert "2 columns of the file left out, not in the mapping: 'rank', 'comment'" in table.notes
+    assert "2 columns of the file left out, not asked for: 'rank', 'comment'" in table.notes
     assert len(table.notes) == 2
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NoReturn
 
@@ -23,13 +23,19 @@ COLUMNS = {
     "te": "angle",
     "time": "time",
     "output_torque": "torque",
+    "torque": "torque",
 }
-#: Those of them that hold no angle.
-BESIDE_ANGLES = ("time", "output_torque")
 #: Columns of a bench that are integrated over time, and the columns that they make.
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 #: Unit in which people write it.
-EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s", "output_torque": "N*m"}
+EXAMPLES = {
+    "input_angle": "deg",
+    "output_angle": "deg",
+    "te": "arcsec",
+    "time": "s",
+    "output_torque": "N*m",
+    "torque": "N*m",
+}
 #: Dimension and unit of every column of a bench that a mapping may name.
 BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
 BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
@@ -67,7 +73,6 @@ STATED = {**DIRECTIONS, "mixed": 0.0}
 COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
 #: A line of the header.
 HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
-_TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
 
 
 def bare_name(name: str) -> str:
@@ -186,8 +191,6 @@ class Reading(Rows, Header):
         File, as given; empty where the run was made in memory.
     columns : mapping of str to ndarray, shape (n,)
         Known columns, rad, s and N*mm.
-    extra : mapping of str to ndarray, shape (n,)
-        Others, in their own unit.
     labels : ndarray of int, shape (n,)
         What messages call each row.
     noun : str
@@ -196,7 +199,6 @@ class Reading(Rows, Header):
 
     path: str
     columns: Mapping[str, Array]
-    extra: Mapping[str, Array] = field(default_factory=dict)
     labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
     notes: tuple[str, ...] = ()
@@ -329,17 +331,6 @@ def check_lengths(path: str, sizes: Mapping[str, int], remedy: str) -> None:
         refuse(path, f"the columns differ in length ({listed}); {remedy}")
 
 
-def torque_column(names: Iterable[str]) -> str | None:
-    """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names of columns, with units.
-    """
-    return next((name for name in names if _TORQUE.fullmatch(name)), None)
-
-
 def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "") -> None:
     """Refuse columns that hold no transmission error and are no torque record.
 
@@ -348,7 +339,7 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     where : str
         Place in the file, for the message.
     names : sequence of str
-        Of all columns: known ones bare, others with their unit.
+        Of all columns: known ones bare, others as written.
     otherwise : str
         Another remedy, for the end of the message.
 
@@ -356,8 +347,8 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     ------
     InputError
     """
-    have = [name for name in names if name in COLUMNS and name not in BESIDE_ANGLES]
-    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
+    have = [name for name in names if COLUMNS.get(name) == "angle"]
+    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and "torque" in names):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
     likely = [f"{name}[{EXAMPLES[name]}]" for name in missing]

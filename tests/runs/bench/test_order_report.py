@@ -268,7 +268,6 @@ def test_a_draft_names_columns_beside_words_and_shows_how_a_table_is_mapped(tmp_
 HEAD = '[header]\ndirection = "forward"\n'
 BAD_MAPPINGS: dict[str, tuple[str, list[str]]] = {
     "columns too": ('[columns]\nte = "x"\n' + MAPPING, ["line 1", "[columns] beside [orders]"]),
-    "keep too": (MAPPING + '[keep]\nx = "x"\n', ["line 8", "[keep] beside [orders]"]),
     "no table": ("orders = 3\n", ["line 1", "write '[orders]'"]),
     "column": (changed(("phase =", "fase =")), ["line 5", "'fase'", "did you mean 'phase'"]),
     "key": (changed(('unit = "deg"', 'units = "deg"')), ["line 5", "'units'", "did you mean 'unit'"]),

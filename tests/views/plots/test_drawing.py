@@ -352,7 +352,7 @@ ORDERS = orders_from_arrays(
     amplitude=1e-6 * np.arange(1, 61),
     phase=np.zeros(60),
 )
-TORQUES = run_from_arrays(output_angle=THETA, direction="forward", extra={"torque[N*m]": 3 + np.cos(13 * THETA)})
+TORQUES = run_from_arrays(output_angle=THETA, direction="forward", torque_record=1e3 * (3 + np.cos(13 * THETA)))
 NEEDED: dict[tuple[type, str], dict[str, Any]] = {
     (Run, "waveform"): {"ratio": 121.0},
     (Run, "spectrum"): {"ratio": MODEL},

@@ -12,7 +12,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench import hdf5 as bench_hdf5, tdms as bench_tdms
-from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
+from rverror.runs.bench.columns import BenchFile, Entry, some_names
 from rverror.runs.bench.header import read_header
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where
 from rverror.runs.bench.mat import open_mat
@@ -91,21 +91,15 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
                           "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
     rules = dict(mapping.columns) or standard_rules(file, mapping, COLUMNS)
-    kept = dict(mapping.keep) if mapping.columns else {**_others(file, rules), **mapping.keep}
-    check_needed(
-        file.path,
-        mapping.path or file.place or "columns",
-        [*(SPEEDS.get(key, key) for key in rules), *kept],
-        _remedy(file, mapping),
-    )
+    others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
+    names = [*(SPEEDS.get(key, key) for key in rules), *others]
+    check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
     entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    entries |= {key: found_entry(file, mapping, where) for key, where in kept.items()}
     stored = dict(zip(entries, file.read(entries.values()), strict=True))
     sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
     check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
     columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
-    extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in kept}
     size = next(iter(sizes.values()))
     if "time" not in columns:
         columns |= _clock(file, [entries[key] for key in rules], size, notes)
@@ -114,7 +108,6 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     reading = Reading(
         path=file.path,
         columns=columns,
-        extra=extra,
         labels=file.rows(size),
         noun=file.noun,
         notes=tuple(notes),
@@ -129,7 +122,7 @@ def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
     if not unused:
         return []
     count = count_of(len(unused), "column")
-    return [f"{count} of the file left out, not in the mapping: {some_names(unused)}"]
+    return [f"{count} of the file left out, not asked for: {some_names(unused)}"]
 
 
 # --- which format -----------------------------------------------------------------------------------------------------
@@ -163,8 +156,7 @@ def _refuse_archive(path: PathLike) -> NoReturn:
 def _wanted(mapping: BenchMapping) -> list[str | int]:
     """Names or numbers of columns that a text file must have; none where the standard ones are looked for."""
     rules = [*mapping.columns.values(), *mapping.orders.values()]
-    places = [rule.where for rule in rules] + list(mapping.keep.values())
-    return [where.column or where.name for where in places] if rules else []
+    return [rule.where.column or rule.where.name for rule in rules]
 
 
 def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str, str]) -> dict[str, ColumnRule]:
@@ -213,15 +205,6 @@ def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: st
     except ValueError as error:
         file.refuse(f"{place}{key}: {str(error).partition(';')[0]}; {remedy}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
-
-
-def _others(file: BenchFile, rules: Mapping[str, ColumnRule]) -> dict[str, Where]:
-    """Columns of a run file that have no meaning here and are kept."""
-    if file.kind != "text":
-        return {}
-    known = [rule.where.column for rule in rules.values()]
-    others = {i: entry.name for i, entry in enumerate(file.entries, 1) if entry.name and i not in known}
-    return {name: Where(name=name, column=i) for i, name in others.items()}
 
 
 def _remedy(file: BenchFile, mapping: BenchMapping) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,8 +13,6 @@ from rverror.runs.bench.unit_words import meant_unit, unit_scale
 from rverror.runs.reading import (
     BENCH_COLUMNS,
     BENCH_EXAMPLES,
-    COLUMN_NAME,
-    COLUMNS,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
@@ -24,7 +21,7 @@ from rverror.runs.reading import (
     STATED,
 )
 
-_TOP = ("name", "file", "columns", "orders", "header", "keep")
+_TOP = ("name", "file", "columns", "orders", "header")
 _FILE = ("group", "encoding", "separator", "decimal", "skip")
 _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_at")
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
@@ -153,8 +150,6 @@ class BenchMapping:
         By the names of a run file; empty where the bench uses these.
     orders : mapping of str to ColumnRule
         Columns of an order table, by its names; empty where the files are runs.
-    keep : mapping of str to Where
-        Other columns that are kept, by their name in the run.
     """
 
     path: str = ""
@@ -163,7 +158,6 @@ class BenchMapping:
     columns: Mapping[str, ColumnRule] = field(default_factory=dict)
     orders: Mapping[str, ColumnRule] = field(default_factory=dict)
     header: Mapping[str, HeaderRule] = field(default_factory=dict)
-    keep: Mapping[str, Where] = field(default_factory=dict)
 
 
 def load_mapping(path: PathLike) -> BenchMapping:
@@ -195,10 +189,8 @@ def load_mapping(path: PathLike) -> BenchMapping:
     for speed, angle in SPEEDS.items():
         if {speed, angle} <= tables["columns"].keys():
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
-    if "orders" in toml.content:
-        for key in ("columns", "keep"):
-            if key in toml.content:
-                toml.refuse((key,), f"[{key}] beside [orders]: a file is a run or a table; leave out one of them")
+    if "orders" in toml.content and "columns" in toml.content:
+        toml.refuse(("columns",), "[columns] beside [orders]: a file is a run or a table; leave out one of them")
     keys = HEADER_KEYS if "orders" not in toml.content else (*HEADER_KEYS, "input_speed")
     toml.check_keys(("header",), tables["header"], keys, "key of [header]")
     return BenchMapping(
@@ -211,7 +203,6 @@ def load_mapping(path: PathLike) -> BenchMapping:
             key: _header_rule(toml, key, value, of_run="orders" not in toml.content)
             for key, value in tables["header"].items()
         },
-        keep={key: _kept(toml, key, value) for key, value in tables["keep"].items()},
     )
 
 
@@ -446,12 +437,3 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
     return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))
-
-
-def _kept(toml: TomlText, key: str, value: object) -> Where:
-    place: Place = ("keep", key)
-    match = COLUMN_NAME.match(key)
-    if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", key):
-        toml.refuse(place, f"{shown(key)} cannot name a kept column; use a plain word and [unit], like 'oil[degC]'")
-    table = column_table(toml, place, value, 'name = "..."', ("name", "column"))
-    return _where(toml, place, table, 'name = "..."')
