@@ -280,7 +280,7 @@ def checked_value(path: str, what: str, number: float, dimension: str) -> float:
     return abs(number) if dimension == "torque" else number
 
 
-def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: str = "samples") -> Array:
+def row_of(name: str, value: Any, dimension: str) -> Array:
     """One column given in memory, core units; values that are not finite stay for the check of the rows.
 
     Parameters
@@ -288,9 +288,6 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
     name : str
     value : array_like or quantity, shape (n,)
     dimension : str
-        Empty for plain numbers.
-    path, of : str
-        What the message calls the whole, and the values.
 
     Raises
     ------
@@ -298,17 +295,17 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
         If it is no row of numbers, or its unit is of another dimension.
     """
     factor, zero = 1.0, 0.0
-    if dimension and units.is_quantity(value):
+    if units.is_quantity(value):
         try:
             factor, zero = units.unit_scale(str(value.units), dimension)
         except ValueError as error:
-            refuse(path, f"{name}: {error}")
+            refuse("", f"{name}: {error}")
     try:
         array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
     except (TypeError, ValueError):
-        refuse(path, f"{name} holds something that is no number; give an array of numbers or a quantity")
+        refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
     if array.ndim != 1:
-        refuse(path, f"{name} has the shape {array.shape}; give one row of {of}")
+        refuse("", f"{name} has the shape {array.shape}; give one row of samples")
     with np.errstate(over="ignore"):  # what overflows is left out later, and counted
         return np.asarray(array * factor + zero, dtype=np.float64)
 

@@ -16,9 +16,8 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
 from rverror.tolerances.blocks import Block, Component
-from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.declared import SelectedFit, Tolerance
 from rverror.tolerances.distribution import Scalar, normal_correlation
-from rverror.tolerances.selection import SelectedFit
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
 _TAKES_PART = 1e-6  # of the square of a direction

@@ -15,11 +15,9 @@ from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
-from rverror.tolerances.declared import Tolerance, tolerance
+from rverror.tolerances.declared import Tolerance, tolerance, width_and_centre
 from rverror.tolerances.dependence import correlations, fits
-from rverror.tolerances.gear_grades import class_of, gear_limit
-from rverror.tolerances.iso_grades import it_width
-from rverror.tolerances.limits import width_and_centre
+from rverror.tolerances.grades import class_of, gear_limit, it_width
 from rverror.tolerances.tolerance_table import is_table, read_table
 
 #: Indent, and what follows the value, of a line that holds one key with a text.
@@ -42,6 +40,10 @@ def _is_names(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
 
 
+def _is_correlations(value: object) -> bool:
+    return isinstance(value, dict) and all(map(_is_number, value.values()))
+
+
 #: Of a key: whether a value is of its kind, what it must be, and an example with names and size of the source.
 _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
     **dict.fromkeys(("name", "distribution", "phase"), (lambda v: isinstance(v, str), "a text", '"..." with quotes')),
@@ -57,13 +59,13 @@ _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
         '["%(size)s", "%(size)s"]',
     ),
     "correlated_with": (
-        lambda v: isinstance(v, dict),
-        "a table of names and correlations",
+        _is_correlations,
+        "a table of names and bare numbers",
         '{ "crank.eccentricity" = 0.6 }',
     ),
 }
 #: Keys whose value goes on as it is.
-_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters")
+_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters", "correlated_with")
 
 _CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
     "reciprocal": Reciprocal,
@@ -231,16 +233,12 @@ class _Entry:
             self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
         self.source: Source = source(key)
         where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
-        every = {p.name: p for p in self.source.parameters}
-        names = value["parameters"] if _is_names(value.get("parameters")) else list(every)
-        for name in names:
-            if name not in every:
-                hint = did_you_mean(name, every)
-                self.refuse("parameters", f"no parameter {shown(name)};{hint} the parameters are {', '.join(every)}")
-        self.dimension = next(p.dimension for p in every.values() if p.name in names)
+        names, every = value.get("parameters"), self.source.parameters
+        chosen = [p for p in every if _is_names(names) and p.name in (names or ())] or every  # others are refused with it
+        self.dimension = chosen[0].dimension
         self.example = EXAMPLES[self.dimension]
         index = next((index.name for index in self.source.indices), "disc")
-        examples = {"parameter": next(iter(every)), "index": index, "size": self.example}
+        examples = {"parameter": every[0].name, "index": index, "size": self.example}
         for name, (fits_kind, must, example) in _KINDS.items():
             if name in value and not fits_kind(value[name]):
                 remedy = f"{name} = {example % examples}"
@@ -263,10 +261,9 @@ class _Entry:
                 self.source.key,
                 width,
                 samples=samples,
-                mean=self._mean(),
-                bounds=self._bounds(),
+                mean=self._with_units("mean"),
+                bounds=self._with_units("bounds"),
                 cost=self._cost(),
-                correlated_with=self._correlated_with(),
                 classes=int(table.get("classes", 1)),
                 **given,
                 **self._indices(),
@@ -322,8 +319,16 @@ class _Entry:
             self.where.refuse((*self.place, *place, name), said)
         return float(value)
 
-    def _quantity(self, name: str, value: object, dimension: str, example: str) -> float:
-        return self.where.quantity((*self.place, name), value, dimension, example)
+    def _quantity(self, name: str, value: object) -> float:
+        return self.where.quantity((*self.place, name), value, self.dimension, self.example)
+
+    def _with_units(self, name: str) -> Any:
+        """What a key says, refused where it has no unit."""
+        value = self.table.get(name)
+        for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]:
+            if not isinstance(one, str | None):
+                self._quantity(name, one)
+        return value
 
     def _indices(self) -> dict[str, Any]:
         known = [index.name for index in self.source.indices]
@@ -338,7 +343,7 @@ class _Entry:
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
         return value
 
-    def _size(self) -> tuple[Any, list[float] | None]:
+    def _size(self) -> tuple[Any, list[Any] | None]:
         """Width, or samples in its place."""
         given = [name for name in _SIZES if name in self.table]
         if len(given) != 1:
@@ -348,20 +353,10 @@ class _Entry:
                 f'{self.source.key}: {problem}; give one of tolerance = "{self.example}", grade with size, or samples',
             )
         if given == ["samples"]:
-            return None, [
-                self._quantity("samples", item, self.dimension, self.example) for item in self.table["samples"]
-            ]
+            return None, self._with_units("samples")
         if given == ["grade"]:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
-        value = self.table["tolerance"]
-        for one in value if isinstance(value, list) else [value]:
-            if not isinstance(one, str):
-                self._quantity("tolerance", one, self.dimension, self.example)  # it has no unit
-        return value, None
-
-    def _correlated_with(self) -> dict[str, float]:
-        value = self.table.get("correlated_with", {})
-        return {name: self._number(name, value, ("correlated_with",)) for name in value}
+        return self._with_units("tolerance"), None
 
     def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
         """What a grade leaves: half the width of ISO 286, or the limit of a toothing by ISO 1328."""
@@ -389,20 +384,6 @@ class _Entry:
         except ValueError as error:
             self.where.refuse(at, str(error))
 
-    def _mean(self) -> Any:
-        value = self.table.get("mean")
-        if value is None:
-            return None
-        if not isinstance(value, dict):
-            return self._quantity("mean", value, self.dimension, self.example)
-        return {name: self._quantity("mean", item, self.dimension, self.example) for name, item in value.items()}
-
-    def _bounds(self) -> tuple[float, float] | None:
-        if "bounds" not in self.table:
-            return None
-        low, high = (self._quantity("bounds", item, self.dimension, self.example) for item in self.table["bounds"])
-        return low, high
-
     def _cost(self) -> Cost | None:
         value = self.table.get("cost")
         if value is None:
@@ -410,7 +391,7 @@ class _Entry:
         kinds = [kind for kind in _COST_KEYS if isinstance(value, dict) and kind in value]
         if not isinstance(value, dict) or len(kinds) != 1:
             said = "several kinds of cost" if kinds else "no kind of cost"
-            examples = " or ".join(self._cost_example(kind) for kind in _COST_KEYS)
+            examples = " or ".join(map(self._cost_example, _COST_KEYS))
             self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
         kind = kinds[0]
         self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
@@ -422,8 +403,7 @@ class _Entry:
             self.refuse("cost", f"cost: {error}")
 
     def _cost_example(self, kind: str) -> str:
-        text = _COST_EXAMPLES[kind]
-        return text % self.example if "%s" in text else text
+        return _COST_EXAMPLES[kind].replace("%s", self.example)
 
     def _curve(self, value: Mapping[str, Any]) -> Cost:
         curve = value["curve"]
@@ -434,9 +414,7 @@ class _Entry:
                 self.refuse("cost", f"the cost has no {name}; write {self._cost_example('curve')}")
         price = self._number("price", value, ("cost",))
         base = self._number("base", value, ("cost",)) if "base" in value else 0.0
-        return _CURVES[curve](
-            price=price, at=self._quantity("cost", value["at"], self.dimension, self.example), base=base
-        )
+        return _CURVES[curve](price=price, at=self._quantity("cost", value["at"]), base=base)
 
     def _grades(self, value: Mapping[str, Any]) -> Cost:
         prices = value["grades"]
@@ -450,6 +428,6 @@ class _Entry:
         rows = value["table"]
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
             self.refuse("cost", f"table = {shown(rows)}: must be pairs; write {self._cost_example('table')}")
-        widths = tuple(self._quantity("cost", row[0], self.dimension, self.example) for row in rows)
+        widths = tuple(self._quantity("cost", row[0]) for row in rows)
         prices = tuple(self._number("price", {"price": row[1]}, ("cost",)) for row in rows)
         return Grades(widths, prices, tuple(str(row[0]) for row in rows))

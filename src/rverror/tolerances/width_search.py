@@ -17,7 +17,7 @@ from rverror.base.errors import InputError
 from rverror.tolerances.allocation_result import Allocation, Kind, described
 from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
-from rverror.tolerances.cost_model import CostModel, Mask
+from rverror.tolerances.cost import CostModel, Mask
 from rverror.tolerances.least_cost import CLOSE, Found, least_cost
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
 from rverror.tolerances.loaded_yield import Units, Verified, counted, standard_draws, verified

@@ -14,8 +14,7 @@ from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.tolerances.closed_form import Budget
-from rverror.tolerances.full_budget import ErrorBudget
-from rverror.tolerances.loaded_budget import LoadedBudget
+from rverror.tolerances.full_budget import ErrorBudget, LoadedBudget
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
