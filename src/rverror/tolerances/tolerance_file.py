@@ -233,8 +233,8 @@ class _Entry:
             self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
         self.source: Source = source(key)
         where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
-        names, every = value.get("parameters"), self.source.parameters
-        chosen = [p for p in every if _is_names(names) and p.name in (names or ())] or every  # others are refused with it
+        names, every = value.get("parameters") or (), self.source.parameters
+        chosen = [p for p in every if _is_names(names) and p.name in names] or every  # others are refused with it
         self.dimension = chosen[0].dimension
         self.example = EXAMPLES[self.dimension]
         index = next((index.name for index in self.source.indices), "disc")
