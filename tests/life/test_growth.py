@@ -14,8 +14,7 @@ import pytest
 import rverror
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
-from rverror.life.courses import Course
-from rverror.life.growth import AtLoad, Cause, GrowthSearch
+from rverror.life.growth import AtLoad, Cause, Course, GrowthSearch
 from rverror.life.over_life import told
 from rverror.life.result import Changed
 from rverror.life.unit_state import UnitState

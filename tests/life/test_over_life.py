@@ -15,8 +15,7 @@ import rverror
 from pages import ROOT
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
-from rverror.life.courses import Course
-from rverror.life.growth import Cause
+from rverror.life.growth import Cause, Course
 from rverror.life.over_life import remaining
 from rverror.life.result import Remaining, Trend
 from rverror.life.sessions import history_of, sessions_of

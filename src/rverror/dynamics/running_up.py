@@ -18,8 +18,7 @@ from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
-from rverror.dynamics.loaded_motion import ReducedMotion
-from rverror.dynamics.moving_reducer import moving_reducer
+from rverror.dynamics.loaded_motion import ReducedMotion, moving_reducer
 from rverror.dynamics.time_integration import periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders

@@ -21,8 +21,7 @@ from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.matching.unit_waves import Assembly, Ints, UnitWaves, placed
 from rverror.model.effects import Model, check_model
-from rverror.parts.measured import KINDS, MeasuredPart
-from rverror.parts.mounting import Place, at_first_place, mounted, places_of
+from rverror.parts.measured import KINDS, MeasuredPart, Place, at_first_place, mounted, places_of
 from rverror.tolerances.loaded_yield import counted
 from rverror.tolerances.specification import Limit, check_limits
 

@@ -15,12 +15,11 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.tolerances.allocation_result import Allocation, Kind, described
-from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
 from rverror.tolerances.cost import CostModel, Mask
 from rverror.tolerances.least_cost import CLOSE, Found, least_cost
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
-from rverror.tolerances.loaded_yield import Units, Verified, counted, standard_draws, verified
+from rverror.tolerances.loaded_yield import ClosedFormUnits, Units, Verified, counted, standard_draws, verified
 from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.stacking import Stack
 

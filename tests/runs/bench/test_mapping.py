@@ -9,8 +9,7 @@ import pytest
 
 from pages import ROOT
 from rverror.base.errors import InputError
-from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.bench.unit_words import unit_scale
+from rverror.runs.bench.mapping import load_mapping, unit_scale
 
 GOOD = """
 name = "bench 3"

@@ -20,8 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.runs import load_orders
 from rverror.runs.bench.draft import draft_mapping
-from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.bench.unit_words import unit_scale
+from rverror.runs.bench.mapping import load_mapping, unit_scale
 from rverror.runs.measurement import read_run
 from rverror.runs.order_table import OrderTable
 

@@ -13,10 +13,17 @@ from rverror.base.directions import DIRECTIONS
 from rverror.base.numbers import count_of, way
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
-from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_file, standard_rules
-from rverror.runs.bench.header import header_quantity, header_values, unknown_word
+from rverror.runs.bench.file import (
+    found_entry,
+    header_quantity,
+    header_values,
+    left_out_columns,
+    open_bench_file,
+    standard_rules,
+    unknown_word,
+)
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
-from rverror.runs.bench.numerals import number_in
+from rverror.runs.bench.text import number_in
 from rverror.runs.bench.values import core_values
 from rverror.runs.reading import (
     HEADER_KEYS,
