@@ -13,10 +13,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator, slope
 from rverror.dynamics.time_integration import Forced
@@ -66,7 +65,7 @@ class LoadedMotion:
         value, vector = np.linalg.eigh(self.stiffness.mean(axis=0) / np.outer(root, root))
         return np.where(value < FREE * value[-1], 0.0, value), vector / root[:, None]
 
-    def mean_modes(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def mean_modes(self) -> tuple[Array, Flags]:
         """Frequencies of the mean stiffness, Hz, and which are of the sun's support."""
         value, shape = self._mean
         at = list(self.train.place("sun")[:2])  # the support is the same in any frame
@@ -397,7 +396,7 @@ class MovingReducer:
     where: Stand
     motion: ReducedMotion
     frequency: Array
-    of_sun_support: npt.NDArray[np.bool_]
+    of_sun_support: Flags
     settled: Settled
     halfway: Settled
 

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
@@ -67,7 +66,7 @@ class RunUp(Viewed):
     windup: Array
     output_torque: Array
     frequency: Array
-    of_sun_support: npt.NDArray[np.bool_]
+    of_sun_support: Flags
     ratio: float
     torque: float
     direction: float

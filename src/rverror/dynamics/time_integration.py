@@ -20,7 +20,7 @@ from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator
 
 #: Angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
-Course = Callable[[float], tuple[float, float, float]]
+Speeding = Callable[[float], tuple[float, float, float]]
 #: So many points between two samples: the shortest wave that the samples hold has eight.
 _FINER = 4
 _SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
@@ -93,7 +93,7 @@ class Forced:
 
     def in_time(
         self,
-        course: Course,
+        course: Speeding,
         times: Array,
         *,
         start: tuple[Array, Array] | None = None,
@@ -156,7 +156,7 @@ class Forced:
             raise InputError(f"the motion in time could not be followed ({found.message}); take a shorter time")
         return found.y[:m], found.y[m:]
 
-    def _size(self, course: Course, times: Array) -> float:
+    def _size(self, course: Speeding, times: Array) -> float:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
         moments = np.linspace(times[0], times[-1], 9).tolist()

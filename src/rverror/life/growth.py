@@ -12,9 +12,8 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError
 from rverror.life.sessions import FEW, repeated
 from rverror.life.unit_state import UnitState, known_to
@@ -149,8 +148,8 @@ _NEARLY = 0.05  # of sizes, by which they differ from those that were solved at 
 
 
 @dataclass(frozen=True)
-class Cause:
-    """A cause, by its number, with its course."""
+class Term:
+    """A cause, by its number, with its course: one of a set."""
 
     cause: int
     course: Course
@@ -189,7 +188,7 @@ class Fitted:
 
     Attributes
     ----------
-    terms : tuple of Cause
+    terms : tuple of Term
     sizes : tuple of ndarray
         Of each at the last session, core units.
     covariance : tuple of ndarray
@@ -204,7 +203,7 @@ class Fitted:
         What the load makes of each cause; empty where some were not solved there.
     """
 
-    terms: tuple[Cause, ...]
+    terms: tuple[Term, ...]
     sizes: tuple[Array, ...]
     covariance: tuple[Array, ...]
     score: float
@@ -261,7 +260,7 @@ class GrowthSearch:
         return courses_of(self.at)
 
     @cached_property
-    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
+    def places(self) -> tuple[Integers, ...]:
         """Columns of each cause."""
         ends = np.cumsum([len(one.parameters) for one in self.causes])
         return tuple(np.arange(end - len(one.parameters), end) for one, end in zip(self.causes, ends, strict=True))
@@ -357,7 +356,7 @@ class GrowthSearch:
             return None
         taken = {term.cause for term in beside.terms}
         near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
-        rough = [self.fitted((*beside.terms, Cause(c, self.courses[course[c]])), beside, at_load=False) for c in near]
+        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), beside, at_load=False) for c in near]
         rough.sort(key=lambda one: one.score)
         single = [one for one in rough[_SOLVED:] if self._width(one) == 1]
         solved = [self.fitted(one.terms, beside) for one in (*rough[:_SOLVED], *single[: _SOLVED // 2])]
@@ -388,7 +387,7 @@ class GrowthSearch:
         sets = [(*before, replace(term, course=course), *after) for course in courses]
         return [self.fitted(terms, now, at_load=False) for terms in sets]
 
-    def _promises(self, beside: Fitted) -> tuple[Array, npt.NDArray[np.intp]]:
+    def _promises(self, beside: Fitted) -> tuple[Array, Integers]:
         """Score of each cause beside a set by a linear step, and the course with which it has it."""
         scale = 1 / np.sqrt(1 + beside.missed)
         columns, left = self.columns * scale[:, None], beside.left * scale
@@ -417,12 +416,12 @@ class GrowthSearch:
                 found[number, chosen] = course.cost + 2 * math.log(len(self.causes)) - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
-    def fitted(self, terms: Sequence[Cause], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
+    def fitted(self, terms: Sequence[Term], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
         """Sizes of a set of causes with its score.
 
         Parameters
         ----------
-        terms : sequence of Cause
+        terms : sequence of Term
         near : Fitted, optional
             A set that has some of the causes: what the load makes of them is taken from there, where sizes are near.
         at_load : bool
@@ -484,7 +483,7 @@ class GrowthSearch:
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
 
-    def _at_load(self, term: Cause, sizes: Array) -> AtLoad | None:
+    def _at_load(self, term: Term, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
         change = self.spread(term.cause, sizes)
         try:
@@ -516,7 +515,7 @@ class GrowthSearch:
         found = []
         for cause in dict.fromkeys((*near, *equivalent, *alike)):
             both = now.terms[number].course, self.courses[course[cause]]
-            tried = [self.fitted((*others.terms, Cause(cause, c)), others, at_load=False) for c in both]
+            tried = [self.fitted((*others.terms, Term(cause, c)), others, at_load=False) for c in both]
             found.append(min(tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
         kept = []

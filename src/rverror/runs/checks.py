@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.numbers import count_of, way
 from rverror.geartrain.kinematics import motion_direction
 from rverror.runs.reading import Reading, check_needed, refuse
@@ -100,7 +99,7 @@ def _without_doubles(reading: Reading, notes: list[str]) -> Reading:
     return _picked(reading, new)
 
 
-def _picked(reading: Reading, rows: np.ndarray[Any, np.dtype[np.bool_]]) -> Reading:
+def _picked(reading: Reading, rows: Flags) -> Reading:
     columns = {name: values[rows] for name, values in reading.columns.items()}
     return replace(reading, columns=columns, labels=reading.labels[rows])
 

@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, LevelStep, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
@@ -100,8 +100,8 @@ class Faults:
     """
 
     theta: Array
-    kept: Mask
-    spikes: Index
+    kept: Flags
+    spikes: Integers
     sizes: Array
     slips: tuple[Slip, ...] = ()
     gaps: tuple[Gap, ...] = ()
@@ -218,7 +218,7 @@ def _series(theta: Array, error: Array) -> Faults:
     )
 
 
-def _again(values: Array) -> Mask:
+def _again(values: Array) -> Flags:
     """Where a value is that of the sample before."""
     return np.concatenate([[False], np.diff(values) == 0])
 
@@ -235,7 +235,7 @@ def _turned(theta: Array) -> list[int]:
     return [extreme + 1 for extreme in reversals(way, jitter)[0]]
 
 
-def _gaps(theta: Array, turned: Mask) -> list[Gap]:
+def _gaps(theta: Array, turned: Flags) -> list[Gap]:
     """Steps too long for their neighbours, and long steps back, of angles that all differ from the one before."""
     steps = np.diff(theta)
     size = np.abs(steps)
@@ -292,7 +292,7 @@ def _as_read(found: Faults, error: Array, stretch: slice) -> Faults:
     return _without_wrong_angles(_joined(found, FoundFaults({}, at_gaps), np.arange(error.size)), stretch)
 
 
-def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[LevelStep, ...]:
+def _steps_at_gaps(pieces: list[Integers], error: Array) -> tuple[LevelStep, ...]:
     """Steps over a gap that are three times what the error makes anywhere: what is less may be the gear's."""
     if len(pieces) < 2:
         return ()
@@ -347,7 +347,7 @@ def _in_noise(found: Faults, error: Array, stretch: slice) -> Faults:
     return _joined(found, have, samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)])
 
 
-def _grid(found: Faults, stretch: slice) -> tuple[Index, Index, list[tuple[int, int]]]:
+def _grid(found: Faults, stretch: slice) -> tuple[Integers, Integers, list[tuple[int, int]]]:
     """Samples kept, their places in a series of even steps, and its unbroken pieces.
 
     Where one to three samples are missing the series has a hole, longer gaps break it.
@@ -367,7 +367,7 @@ def _grid(found: Faults, stretch: slice) -> tuple[Index, Index, list[tuple[int, 
     return samples + stretch.start, place[samples], list(pairwise(edges))
 
 
-def _joined(found: Faults, have: FoundFaults, places: Index) -> Faults:
+def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
     """Add what a search has found; `places` are the samples it counts by."""
     if not have.off and not have.steps:
         return found

@@ -9,12 +9,11 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
 from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
@@ -239,7 +238,7 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     return sigma
 
 
-def _note_left_out(rows: OrderRows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
+def _note_left_out(rows: OrderRows, left: Flags, notes: list[str]) -> None:
     count = int(np.count_nonzero(left))
     if count == left.size:
         listed = f" {rows.listed(left)}" if count else ""

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown, some, split_lines
@@ -146,7 +145,7 @@ class Rows(OfFile):
         """Place of a row, for messages."""
         return f"{self.noun} {self.labels[row]}"
 
-    def listed(self, rows: npt.NDArray[np.intp] | npt.NDArray[np.bool_] | list[int]) -> str:
+    def listed(self, rows: Integers | Flags | list[int]) -> str:
         """The first of some rows, by their numbers or a mask, in brackets, for messages.
 
         Examples

@@ -15,15 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.errors import check_kind
 from rverror.base.viewed import Viewed
 from rverror.tolerances.blocks import Block, WorstGroup
 from rverror.tolerances.stacking import Stack
-
-Rows = npt.NDArray[np.intp]
 
 _STARTS = 8
 _ROWS = 256  # of pairs whose bounds, and
@@ -48,7 +45,7 @@ class GroupWaves:
         self.box = np.array(boxes).reshape(-1, count).T.copy()
         self.x, self.y = (np.array([wave[axis] for wave in circles]).reshape(-1, count).T.copy() for axis in (0, 1))
 
-    def distance(self, i: Rows, j: Rows) -> Array:
+    def distance(self, i: Integers, j: Integers) -> Array:
         """Distance of pairs of angles."""
         x, y = self.x[i] - self.x[j], self.y[i] - self.y[j]
         straight = np.abs(self.box[i] - self.box[j]).sum(axis=-1)

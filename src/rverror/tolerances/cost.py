@@ -12,9 +12,8 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 
 #: Widths nearer than this, relatively, are one width: they come from texts with units.
@@ -182,8 +181,6 @@ def _positive(width: float) -> float:
     return width
 
 
-Mask = npt.NDArray[np.bool_]
-
 #: Share of the width as given that bounds allow where none are given, downwards and upwards.
 BOUNDS = (0.1, 10.0)
 
@@ -200,13 +197,13 @@ class CostModel:
     given: Array
     low: Array
     high: Array
-    smooth: Mask
+    smooth: Flags
     factor: Array
     power: Array
     tables: tuple[tuple[int, Grades, tuple[int, ...]], ...]  # entry, its cost, the grades that the bounds allow
 
     @property
-    def fixed(self) -> Mask:
+    def fixed(self) -> Flags:
         """Which entries keep their width."""
         return np.array([choice.fixed for choice in self.choices], dtype=bool)
 
@@ -229,7 +226,7 @@ class CostModel:
         """Derivative of the smooth costs, 0 elsewhere."""
         return -self.power * self.factor / widths ** (self.power + 1)
 
-    def relaxed(self, idle: Mask) -> CostModel:
+    def relaxed(self, idle: Flags) -> CostModel:
         """The same with the largest widths alone where the width does not matter."""
         free = idle & ~self.fixed
         tables = tuple((e, table, allowed[-1:] if free[e] else allowed) for e, table, allowed in self.tables)

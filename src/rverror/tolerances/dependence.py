@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
@@ -39,7 +38,7 @@ class Dependence:
     classes: tuple[tuple[int, int, bool], ...] = ()
 
     @property
-    def components(self) -> npt.NDArray[np.intp]:
+    def components(self) -> Integers:
         """Components that go together with those of another entry."""
         return np.flatnonzero(self.between.any(axis=1))
 
@@ -134,7 +133,7 @@ def _check_joined(item: Tolerance, block: Block) -> None:
         )
 
 
-def _alike(one: Block, other: Block, components: Sequence[Component]) -> npt.NDArray[np.bool_]:
+def _alike(one: Block, other: Block, components: Sequence[Component]) -> Flags:
     """Which components of two entries go together: of one place among the parameters, their common indices alike."""
     mine, theirs = components[one.components], components[other.components]
     return np.array(

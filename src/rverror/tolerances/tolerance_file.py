@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
-from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, TomlText, read_toml
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
@@ -221,7 +221,7 @@ def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
 class _Entry:
     """Reader of one ``[[tolerance]]`` table."""
 
-    def __init__(self, where: TomlText, place: Place, value: object) -> None:
+    def __init__(self, where: TomlText, place: KeyPath, value: object) -> None:
         if not isinstance(value, dict):
             where.refuse(place, f"tolerance holds {shown(value)}, which is no table; write it below '[[tolerance]]'")
         self.where, self.place, self.table = where, place, value
@@ -312,7 +312,7 @@ class _Entry:
             name = next((size for size in _SIZES if size in self.table), "key")
         return name if name in self.table else "key"
 
-    def _number(self, name: str, table: Mapping[str, Any], place: Place) -> float:
+    def _number(self, name: str, table: Mapping[str, Any], place: KeyPath) -> float:
         value = table[name]
         if not _is_number(value):
             said = f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
@@ -358,7 +358,7 @@ class _Entry:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
         return self._with_units("tolerance"), None
 
-    def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
+    def _grade(self, grade: str, table: Mapping[str, Any], place: KeyPath) -> float:
         """What a grade leaves: half the width of ISO 286, or the limit of a toothing by ISO 1328."""
         at = (*self.place, *place)
         if self.dimension != "length":

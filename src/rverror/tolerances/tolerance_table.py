@@ -9,7 +9,7 @@ from typing import Any
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.base.toml import Place, TomlText
+from rverror.base.toml import KeyPath, TomlText
 from rverror.model.catalogue import CATALOGUE
 
 _WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "diameter", "module", "at", "least", "largest")
@@ -47,7 +47,7 @@ def read_table(path: PathLike) -> TomlText:
         raise InputError(f"{name}, line {line}: no column 'key'; {_EXAMPLE}")
     if not body:
         raise InputError(f"{name}: no tolerance below the first line; add a row for each")
-    lines: dict[Place, int] = {}
+    lines: dict[KeyPath, int] = {}
     listed = []
     for i, (number, row) in enumerate(body):
         if any(cell for cell in row[len(columns) :]):

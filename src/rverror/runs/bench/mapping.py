@@ -8,7 +8,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
-from rverror.base.toml import Place, TomlText, read_toml
+from rverror.base.toml import KeyPath, TomlText, read_toml
 from rverror.runs.reading import (
     BENCH_COLUMNS,
     BENCH_EXAMPLES,
@@ -263,7 +263,7 @@ def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | Non
     return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
 
 
-def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
+def _table(toml: TomlText, place: KeyPath, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write '[{place[-1]}]' and keys below it")
     return value
@@ -304,7 +304,7 @@ def _check_encoding(toml: TomlText, name: str) -> None:
 
 
 def _where(
-    toml: TomlText, place: Place, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
+    toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
 ) -> Where:
     """The one key of name, column and property that a table holds."""
     given = [key for key in kinds if key in table]
@@ -324,11 +324,11 @@ def _where(
     return Where(name=name, property=property_, stated_at=stated_at)
 
 
-def _stated_at(toml: TomlText, place: Place) -> str:
+def _stated_at(toml: TomlText, place: KeyPath) -> str:
     return f"mapping {toml.path}" + (f", line {toml.lines[place]}" if place in toml.lines else "")
 
 
-def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) -> float | None:
+def _number(toml: TomlText, place: KeyPath, table: Mapping[str, Any], key: str) -> float | None:
     """A number above 0; None where the key is not given."""
     if key not in table:
         return None
@@ -340,7 +340,7 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 
 
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
-    place: Place = ("columns", key)
+    place: KeyPath = ("columns", key)
     example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
     table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
@@ -367,7 +367,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
-def column_table(toml: TomlText, place: Place, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
+def column_table(toml: TomlText, place: KeyPath, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
     """Table of a column; its name alone stands for one that holds only this.
 
     Raises
@@ -383,14 +383,14 @@ def column_table(toml: TomlText, place: Place, value: object, example: str, keys
     return table
 
 
-def _sign(toml: TomlText, place: Place, table: Mapping[str, Any]) -> float:
+def _sign(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> float:
     sign = table.get("sign", 1)
     if isinstance(sign, bool) or sign not in (1, -1):
         toml.refuse((*place, "sign"), f"sign = {shown(sign)}: must be 1 or -1; write -1 where it counts the other way")
     return float(sign)
 
 
-def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
+def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
     """Rule of a column with a unit, a sign and a scale.
 
     Parameters
@@ -426,7 +426,7 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
 
 
-def _direction_words(toml: TomlText, place: Place, table: Mapping[str, Any]) -> dict[str, str]:
+def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> dict[str, str]:
     """The bench's words for the directions, in lower case; empty where the table has none."""
     given = {key: toml.string(place, table, key, "").strip().lower() for key in ("forward", "reverse") if key in table}
     for one, other in (("forward", "reverse"), ("reverse", "forward")):
@@ -446,7 +446,7 @@ def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, 
 
 
 def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
-    place: Place = ("orders", key)
+    place: KeyPath = ("orders", key)
     if key == "direction":
         example = 'name = "...", forward = "...", reverse = "..."'
         table = column_table(toml, place, value, example, ("name", "column", "forward", "reverse"))
@@ -458,7 +458,7 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
 
 
 def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
-    place: Place = ("header", key)
+    place: KeyPath = ("header", key)
     example = _HEADER_EXAMPLES[key]
     dimension = ORDER_CONDITIONS.get(key)
     if isinstance(value, dict):

@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import compress
 
 import numpy as np
-import numpy.typing as npt
 
+from rverror.base.arrays import Flags
 from rverror.base.directions import DIRECTIONS
 from rverror.base.numbers import count_of, way
 from rverror.base.text import PathLike, did_you_mean, shown
@@ -170,7 +170,7 @@ def _directions(
     rules: Mapping[str, ColumnRule],
     entries: Mapping[str, Entry],
     stated: Mapping[str, Stated],
-    kept: npt.NDArray[np.bool_],
+    kept: Flags,
     lines: Sequence[int],
 ) -> list[float]:
     """+1 or -1 of each row."""
