@@ -129,14 +129,7 @@ def simulate_runs(
     directions: Sequence[Direction] = ("forward", "reverse"),
     torques: Sequence[Any] = (),
     points: int | None = None,
-    revolutions: int = 1,
-    method: str = "closed",
-    noise: Any | None = None,
-    correlation: Any | None = None,
-    input_counts: int | None = None,
-    output_counts: int | None = None,
-    seed: int | None = None,
-    output_speed: Any | None = None,
+    **settings: Any,
 ) -> tuple[Run, ...]:
     """Compute the runs of one session on the bench: every torque in every direction.
 
@@ -146,8 +139,11 @@ def simulate_runs(
     directions : sequence of {"forward", "reverse"} or +1 or -1
     torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
-    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, output_speed : optional
+    points : int, optional
         As in `simulate`.
+    **settings
+        The others of `simulate`: revolutions, method, noise, correlation, input_counts, output_counts, seed,
+        output_speed.
 
     Returns
     -------
@@ -172,31 +168,21 @@ def simulate_runs(
     unit = model.mechanism
     if points is None:
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
-    if method not in ("closed", "equilibrium"):
-        raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
-    if noise is None and correlation is not None:
-        raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
+    given = {name: value for name, value in settings.items() if value is not None}
     try:
-        sizes = [_torque(unit, torque, method) for torque in torques] or [None]
-        bench = _Bench(
-            points=points,
-            revolutions=revolutions,
-            method=method,
-            noise=0.0 if noise is None else noise,
-            correlation=0.0 if correlation is None else correlation,
-            input_counts=input_counts,
-            output_counts=output_counts,
-            seed=DEFAULT_SEED if seed is None else seed,
-            output_speed=output_speed,
-        )
+        bench = _Bench(points=points, **given)
+        sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
     except ValueError as problem:
         raise InputError(str(problem)) from problem
-    if points * revolutions > _LARGEST:
-        raise InputError(f"points * revolutions = {points * revolutions}: must be {_LARGEST} or fewer; ask for fewer")
+    if "correlation" in given and "noise" not in given:
+        raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
+    samples = points * bench.revolutions
+    if samples > _LARGEST:
+        raise InputError(f"points * revolutions = {samples}: must be {_LARGEST} or fewer; ask for fewer")
     timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
-    if timed and output_speed is None:
+    if timed and bench.output_speed is None:
         raise InputError(f"{timed[0]} needs time; give a speed, e.g. --speed '10 deg/s', or remove the effect")
-    if method == "equilibrium":
+    if bench.method == "equilibrium":
         if not isinstance(unit, Reducer):
             raise InputError("method = equilibrium: a [drive] has no geometry; use --method closed")
         if None in sizes:
@@ -284,19 +270,26 @@ class _Bench(Checked):
     """What the bench adds to a run, core units."""
 
     points: int = field(metadata=quantity(COUNT, least=16))
-    revolutions: int = field(metadata=quantity(COUNT, least=1))
-    method: str
+    revolutions: int = field(default=1, metadata=quantity(COUNT, least=1))
+    method: str = "closed"
     #: No bench is worse than half a turn.
-    noise: float = field(metadata=quantity("angle", "0.3 arcsec", least=0.0, most=math.pi))
+    noise: float = field(default=0.0, metadata=quantity("angle", "0.3 arcsec", least=0.0, most=math.pi))
     #: Longer than a run that can be diagnosed, it is a constant.
-    correlation: float = field(metadata=quantity("angle", "2 deg", least=0.0, most=200 * math.pi))
+    correlation: float = field(default=0.0, metadata=quantity("angle", "2 deg", least=0.0, most=200 * math.pi))
     input_counts: int | None = field(default=None, metadata=_COUNTS)
     output_counts: int | None = field(default=None, metadata=_COUNTS)
-    seed: int = field(metadata=quantity(COUNT, least=0, most=2**128 - 1))  # all that numpy's pool of entropy holds
+    #: As much as numpy's pool of entropy holds.
+    seed: int = field(default=DEFAULT_SEED, metadata=quantity(COUNT, least=0, most=2**128 - 1))
     #: Beyond, times have no digits left.
     output_speed: float | None = field(
         default=None, metadata=quantity("angular_speed", "10 deg/s", least=1e-8, most=1e5)
     )
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check."""
+        if self.method not in ("closed", "equilibrium"):
+            raise InputError(f"method = {self.method!r}: must be 'closed' or 'equilibrium'")
+        super().__post_init__()
 
     @property
     def metadata(self) -> dict[str, str]:
