@@ -19,13 +19,14 @@ from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, split_lines, write_text
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.bench.order_rows import KIND, ORDER_KEYS, read_order_rows
+from rverror.runs.bench.order_rows import KIND, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import (
     HEADER_LINE,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
     ORDER_EXAMPLES,
+    ORDER_KEYS,
     OrderRows,
     check_lengths,
     header_lines,

@@ -15,57 +15,40 @@ from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown, some, split_lines
 
-#: Dimension of each known column.
-COLUMNS = {
-    "input_angle": "angle",
-    "output_angle": "angle",
-    "te": "angle",
-    "time": "time",
-    "output_torque": "torque",
-    "torque": "torque",
+#: Dimension of each known column, and the unit in which people write it.
+_COLUMNS = {
+    "input_angle": ("angle", "deg"),
+    "output_angle": ("angle", "deg"),
+    "te": ("angle", "arcsec"),
+    "time": ("time", "s"),
+    "output_torque": ("torque", "N*m"),
+    "torque": ("torque", "N*m"),
 }
+COLUMNS, EXAMPLES = ({name: both[which] for name, both in _COLUMNS.items()} for which in (0, 1))
 #: Columns of a bench that are integrated over time, and the columns that they make.
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
-#: Unit in which people write it.
-EXAMPLES = {
-    "input_angle": "deg",
-    "output_angle": "deg",
-    "te": "arcsec",
-    "time": "s",
-    "output_torque": "N*m",
-    "torque": "N*m",
-}
 #: Dimension and unit of every column of a bench that a mapping may name.
 BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
 BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
+#: The same of each column of numbers of an order table: conditions, then what is told of a wave.  Orders have neither.
+_ORDER_COLUMNS = {
+    "input_speed": ("angular_speed", "rpm"),
+    "temperature": ("temperature", "degC"),
+    "output_torque": ("torque", "N*m"),
+    "order": ("", ""),
+    "amplitude": ("angle", "arcsec"),
+    "phase": ("angle", "deg"),
+    "cos": ("angle", "arcsec"),
+    "sin": ("angle", "arcsec"),
+    "sigma": ("angle", "arcsec"),
+}
+ORDER_COLUMNS, ORDER_EXAMPLES = ({name: both[which] for name, both in _ORDER_COLUMNS.items()} for which in (0, 1))
 #: Dimension of each condition of an order table that is a number.
-ORDER_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
-#: Dimension of each column of numbers of an order table; orders have none.
-ORDER_COLUMNS = {
-    **ORDER_CONDITIONS,
-    "order": "",
-    "amplitude": "angle",
-    "phase": "angle",
-    "cos": "angle",
-    "sin": "angle",
-    "sigma": "angle",
-}
-#: Unit in which people write it.
-ORDER_EXAMPLES = {
-    "input_speed": "rpm",
-    "temperature": "degC",
-    "output_torque": "N*m",
-    "order": "",
-    "amplitude": "arcsec",
-    "phase": "deg",
-    "cos": "arcsec",
-    "sin": "arcsec",
-    "sigma": "arcsec",
-}
+ORDER_CONDITIONS = {name: ORDER_COLUMNS[name] for name in ("input_speed", "temperature", "output_torque")}
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
-#: Those, and the ones of order tables.
-KNOWN_KEYS = ("kind", *HEADER_KEYS, "input_speed")
+#: Those that have one in order tables.
+ORDER_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 #: What may be stated of the direction.
 STATED = {**DIRECTIONS, "mixed": 0.0}
 #: Name of a column, with its unit in brackets or without.

@@ -26,9 +26,9 @@ from rverror.runs.bench.mapping import BenchMapping, ColumnRule
 from rverror.runs.bench.text import number_in
 from rverror.runs.bench.values import core_values
 from rverror.runs.reading import (
-    HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
+    ORDER_KEYS,
     OrderRows,
     Stated,
     bare_name,
@@ -39,8 +39,6 @@ from rverror.runs.reading import (
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
-#: Header keys of an order table that have a meaning.
-ORDER_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 _STANDARD = {**ORDER_COLUMNS, "direction": ""}
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")

@@ -16,7 +16,7 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
-from rverror.runs.reading import COLUMNS, HEADER_LINE, KNOWN_KEYS, Stated, bare_name, refuse
+from rverror.runs.reading import COLUMNS, HEADER_LINE, ORDER_KEYS, Stated, bare_name, refuse
 
 # 1.234 and 12,345,678: one digit to three, none of them a leading zero, then groups of three.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})(?:\1\d{3})*$")
@@ -471,7 +471,7 @@ def _header(path: str, lines: Sequence[str], names: int) -> dict[str, Stated]:
         match = HEADER_LINE.match(line.strip())
         if match is None:
             continue
-        known = match[1].lower() in KNOWN_KEYS
+        known = match[1].lower() in ORDER_KEYS
         key, stated = match[1].lower() if known else match[1], Stated(text=match[2], at=f"line {number}")
         if known and number > names:
             refuse(path, f"{stated.at}: {key} stands among the rows; write it above the column names, and each run in "
