@@ -18,7 +18,7 @@ from nptdms import ChannelObject
 
 from bench_files import INPUT, OUTPUT, RATIO, TE, THETA, TIME, N, hdf5, mat, tdms
 from rverror.base.errors import InputError
-from rverror.runs.bench import columns as bench_columns, hdf5 as bench_hdf5
+from rverror.runs.bench import binary as bench_binary, columns as bench_columns
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, run_text
@@ -583,7 +583,7 @@ def test_groups_in_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             out[f"g/{i}"] = np.zeros(3)
         out["g/again"] = out["/"]
     assert load(file).size == N
-    monkeypatch.setattr(bench_hdf5, "MOST_COLUMNS", 2)
+    monkeypatch.setattr(bench_binary, "MOST_COLUMNS", 2)
     refusal(lambda: load(file), "more than 2 data sets")
 
 

@@ -12,10 +12,9 @@ from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.runs.bench import hdf5 as bench_hdf5, tdms as bench_tdms
+from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, some_names
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, HeaderRule, Where, meant_unit, unit_scale
-from rverror.runs.bench.mat import open_mat
 from rverror.runs.bench.text import number_in, open_text
 from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
@@ -73,10 +72,10 @@ def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Mapping[str
     """
     kind = _kind(path)
     readers: dict[str, Callable[[PathLike], BenchFile]] = {
-        "HDF5": bench_hdf5.open_hdf5,
+        "HDF5": open_hdf5,
         "MAT": open_mat,
-        "MAT 7.3": lambda path: bench_hdf5.open_hdf5(path, "MAT"),
-        "TDMS": bench_tdms.open_tdms,
+        "MAT 7.3": lambda path: open_hdf5(path, "MAT"),
+        "TDMS": open_tdms,
         "archive": _refuse_archive,
         "text": lambda path: open_text(path, mapping.text, _wanted(mapping), standard),
     }
@@ -140,9 +139,9 @@ def _kind(path: PathLike) -> str:
     except (OSError, ValueError):
         return "text"
     mat = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI", b"\x00\x02IM", b"\x02\x00MI")
-    if bench_hdf5.SIGNATURE in (head[:8], head[512:520]):
+    if HDF5_SIGNATURE in (head[:8], head[512:520]):
         return "MAT 7.3" if head.startswith(b"MATLAB 7.3") else "HDF5"
-    if head.startswith(bench_tdms.SIGNATURE):
+    if head.startswith(TDMS_SIGNATURE):
         return "TDMS"
     if mat and len(head) > _MAT_HEADER:
         return "MAT"
