@@ -432,8 +432,7 @@ def pin_radius(contacts: Contacts, *, pin: int | str) -> ErrorVector:
     -----
     Sources 000 (named as missing), 001 and 004 (pin diameter, groove radius).
     """
-    chosen = slice(None) if pin == "all" else only(int(pin))
-    at = (slice(None), chosen)
+    at = (slice(None), chosen(pin))
     return ErrorVector(contact="pin", vector=contacts.pin_normal[at][None], at=at)
 
 

@@ -118,7 +118,44 @@ class Faults:
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of fault: how many, where, how large; empty for a clean run."""
-        return _notes(self)
+        lines = []
+        if self.spikes.size:
+            largest = float(np.max(np.abs(self.sizes))) / ARCSEC
+            upto = "up to " if self.spikes.size > 1 else ""
+            what = "sample" + ("s" if self.spikes.size > 1 else "")
+            lines.append(
+                f"{count_of(self.spikes.size, 'spike')} set aside ({what} {some(self.spikes.tolist())}, "
+                f"{upto}{brief(largest, 3)} arcsec)"
+            )
+        for slip in self.slips:
+            size = f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec"
+            place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
+            if slip.of_input:
+                lines.append(
+                    f"the counter of the input jumps at {place}, by {size} of the output: the angles behind it are "
+                    "wrong, so the shorter side is left out"
+                )
+            else:
+                lines.append(f"the reading slips by {size} at {place}: every later sample is shifted")
+        lost = [gap for gap in self.gaps if gap.samples]
+        if lost:
+            widest = max(lost, key=lambda gap: gap.span)
+            lines.append(
+                f"{count_of(len(lost), 'gap')}, {count_of(sum(gap.samples for gap in lost), 'sample')} missing "
+                f"(the widest, {brief(math.degrees(widest.span), 3)} deg, before sample {widest.index})"
+            )
+        for gap in self.gaps:
+            if not gap.samples:
+                by = f"{brief(math.degrees(-gap.span), 4)} deg"
+                lines.append(
+                    f"the angle jumps back by {by} at sample {gap.index}: two runs in one, or a counter that starts "
+                    "again"
+                )
+        if self.doubled:
+            lines.append(f"{count_of(self.doubled, 'doubled row')} left out")
+        for first, number in self.still:
+            lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
+        return tuple(lines)
 
 
 def find_faults(
@@ -397,7 +434,7 @@ def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
     )
 
 
-# --- what is said -----------------------------------------------------------------------------------------------------
+# --- what is refused -----------------------------------------------------------------------------------------------------
 
 
 def _check(found: Faults, spikes: int = 0) -> None:
@@ -412,43 +449,3 @@ def _check(found: Faults, spikes: int = 0) -> None:
             f"the reading slips {slips} times, at most {BOUNDS.most_slips} times may be borne; check the coupling of "
             "the encoder and its counter, or where the load is light take a larger one, and measure again"
         )
-
-
-def _notes(found: Faults) -> tuple[str, ...]:
-    lines = []
-    if found.spikes.size:
-        largest = float(np.max(np.abs(found.sizes))) / ARCSEC
-        upto = "up to " if found.spikes.size > 1 else ""
-        what = "sample" + ("s" if found.spikes.size > 1 else "")
-        lines.append(
-            f"{count_of(found.spikes.size, 'spike')} set aside ({what} {some(found.spikes.tolist())}, "
-            f"{upto}{brief(largest, 3)} arcsec)"
-        )
-    for slip in found.slips:
-        size = f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec"
-        place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
-        if slip.of_input:
-            lines.append(
-                f"the counter of the input jumps at {place}, by {size} of the output: the angles behind it are wrong, "
-                "so the shorter side is left out"
-            )
-        else:
-            lines.append(f"the reading slips by {size} at {place}: every later sample is shifted")
-    lost = [gap for gap in found.gaps if gap.samples]
-    if lost:
-        widest = max(lost, key=lambda gap: gap.span)
-        lines.append(
-            f"{count_of(len(lost), 'gap')}, {count_of(sum(gap.samples for gap in lost), 'sample')} missing "
-            f"(the widest, {brief(math.degrees(widest.span), 3)} deg, before sample {widest.index})"
-        )
-    for gap in found.gaps:
-        if not gap.samples:
-            by = f"{brief(math.degrees(-gap.span), 4)} deg"
-            lines.append(
-                f"the angle jumps back by {by} at sample {gap.index}: two runs in one, or a counter that starts again"
-            )
-    if found.doubled:
-        lines.append(f"{count_of(found.doubled, 'doubled row')} left out")
-    for first, number in found.still:
-        lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
-    return tuple(lines)
