@@ -434,7 +434,7 @@ def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
     )
 
 
-# --- what is refused -----------------------------------------------------------------------------------------------------
+# --- what is refused --------------------------------------------------------------------------------------------------
 
 
 def _check(found: Faults, spikes: int = 0) -> None:
