@@ -35,7 +35,7 @@ from benchmarks.load_trial.sizes import transmission_errors  # noqa: E402
 
 import rverror  # noqa: E402
 from rverror.model.catalogue import source  # noqa: E402
-from rverror.parts.mounting import mounted, places_of  # noqa: E402
+from rverror.parts.measured import mounted, places_of  # noqa: E402
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LISTS = {

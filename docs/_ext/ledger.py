@@ -19,7 +19,6 @@ from rverror.base.arrays import Array, radial_and_tangential
 from rverror.base.units import ARCSEC
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.cycloid import (
-    initial_gap,
     loaded_share,
     normal_gap,
     pin_contacts,
@@ -501,6 +500,64 @@ def _fourier_row() -> Row:
 def _radicand(unit: Reducer, phi: Array) -> Array:
     K = unit.short_width_coefficient
     return np.asarray(1 + K**2 - 2 * K * np.cos(phi))
+
+
+def initial_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
+    r"""Gap that is left along the common normal once a modified disc has turned to its first contact.
+
+    The disc, its centre held, stays behind a forward motion by the angle h / (a z_c); that closes h s(phi), s from
+    `loaded_share`, of the gap of `normal_gap`.  With x = (1 - K cos(phi)) / sin(phi) the gap over s is
+
+        h(x) = equidistant sqrt(x^2 + K^2) + shift x,    x >= sqrt(1 - K^2),
+
+    whose least value is taken
+
+    - at the longest arm, cos(phi) = K, while equidistant sqrt(1 - K^2) + shift >= 0:
+      h = equidistant + shift sqrt(1 - K^2);
+    - else, where material is ground off along the normal and more than sqrt(1 - K^2) of it put back by the shift, on
+      both sides of it: h = K sqrt(equidistant^2 - shift^2).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray, shape (n,)
+        Angle phi by which the eccentric direction leads the pin, rad; pins that drive have 0 < phi < pi.
+    equidistant, shift : float
+        As in `normal_gap`, mm; together 0 or more.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        mm; 0 at the first contact.
+
+    Raises
+    ------
+    ValueError
+        If the modifications together add material: at a lobe's root and tip no turn makes room for it.
+
+    Notes
+    -----
+    Source 002, which loses the square roots, takes K for the ratio of two radii and prints an angle.  Its formula, put
+    right, is the first case:
+
+        equidistant (1 - s) + shift (1 - K cos(phi) - sqrt(1 - K^2) sin(phi)) / sqrt(S).
+
+    It is of first order in the modification, and stands for a pin at the best place; the pins of a real disc stand a
+    pitch apart.
+    """
+    if equidistant + shift < 0:
+        raise ValueError(
+            f"equidistant = {equidistant:g} mm, shift = {shift:g} mm: together they must be 0 or more, or the disc is "
+            "too large for its pins at root and tip"
+        )
+    K = reducer.short_width_coefficient
+    across = math.sqrt(1 - K**2)
+    if equidistant * across + shift >= 0:
+        turned = equidistant + shift * across
+    else:
+        turned = K * math.sqrt(equidistant**2 - shift**2)
+    gap = normal_gap(reducer, roll_angle, equidistant=equidistant, shift=shift)
+    return np.asarray(gap - turned * loaded_share(reducer, roll_angle))
 
 
 def initial_gap_as_printed(unit: Reducer, phi: Array, *, equidistant: float, shift: float) -> Array:

@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.dynamics.at_speed import speed_response
 from rverror.dynamics.harmonic_balance import slope
-from rverror.dynamics.moving_reducer import moving_reducer
+from rverror.dynamics.loaded_motion import moving_reducer
 from rverror.dynamics.natural_modes import Modes, modes
 from rverror.dynamics.running_up import RunUp, run_up
 from rverror.dynamics.train import Train

@@ -312,7 +312,7 @@ def test_the_shipped_mapping_reads_the_file_that_it_shows(tmp_path: Path) -> Non
     np.testing.assert_allclose(np.degrees(run.output_angle), OUTPUT, atol=1e-5)
     np.testing.assert_allclose(np.degrees(run.input_angle), INPUT, atol=0.045)
     assert (run.torque, run.temperature) == (pytest.approx(20e3), pytest.approx(313.15))
-    assert (run.extra["torque[N*m]"] == 20.1).all()
+    assert any("2 columns of the file left out" in note for note in run.notes)
     assert run.size == N
     first = "".join(shown[start + 3]).split(";")
     assert len(first) == 5

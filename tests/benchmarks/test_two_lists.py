@@ -11,7 +11,7 @@ import pytest
 import rverror
 from pages import ROOT
 from rverror import ARCSEC
-from rverror.tolerances.iso_grades import it_width
+from rverror.tolerances.grades import it_width
 
 sys.path.append(str(ROOT / "benchmarks"))
 

@@ -10,6 +10,7 @@ import pytest
 
 import rverror
 from gear_runs import OTHER, UNIT, runs_of
+from order_tables import made_orders
 from recordings import recording
 from rverror.runs.order_table import TableCondition
 
@@ -22,7 +23,7 @@ SOFT = rverror.Model(OTHER, (CLEARANCE, WAVE))  # as it is: with other stiffness
 def part(run: rverror.Run, kept: np.ndarray) -> rverror.Run:
     """Some samples of a run."""
     columns = {n: getattr(run, n) for n in ("input_angle", "output_angle", "te_column", "direction", "time")}
-    return replace(run, **{n: None if v is None else v[kept] for n, v in columns.items()}, extra={})
+    return replace(run, **{n: None if v is None else v[kept] for n, v in columns.items()})
 
 
 def rms(values: np.ndarray) -> float:
@@ -112,9 +113,7 @@ def test_runs_of_different_zeros_are_refused() -> None:
 
 
 def test_a_table_of_few_conditions_leaves_nothing_out_and_is_refused() -> None:
-    table = rverror.runs.orders_from_arrays(
-        direction=["forward"], torque=[1e5], order=[39], amplitude=[1e-5], phase=[0.0]
-    )
+    table = made_orders(direction=1, torque=1e5, order=[39], amplitude=1e-5)
     with pytest.raises(rverror.InputError, match="nothing can be left out"):
         rverror.compensate(rverror.Model(UNIT), [table])
 

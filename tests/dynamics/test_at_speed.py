@@ -227,7 +227,7 @@ def test_what_folds_in_the_stiffness_is_little(monkeypatch: pytest.MonkeyPatch) 
     pins = effect("cycloid.pin_position", pin=3, radial="5 um")
     model = Model(UNIT, (*ERRORS, pins), bench=Bench(load_inertia="5 kg*m^2"))
     few = speed_response(model, ["1000 rpm"], torque="20 N*m", kept=3)
-    monkeypatch.setattr("rverror.dynamics.moving_reducer.samples_needed", lambda unit: 2 * samples_needed(unit))
+    monkeypatch.setattr("rverror.dynamics.loaded_motion.samples_needed", lambda unit: 2 * samples_needed(unit))
     many = speed_response(model, ["1000 rpm"], torque="20 N*m", kept=3)
     assert many.theta.size == 2 * few.theta.size
     change = few.transmission_error - many.transmission_error[:, ::2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror.dynamics.inertias import whole_inertia
+from rverror.dynamics.train import whole_inertia
 
 STEEL = 7850 * 1e-3 / 1e9  # tonne/mm^3
 

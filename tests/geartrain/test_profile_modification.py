@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from ledger import initial_gap
 from scipy.optimize import brentq
 
 import rverror
 from rverror import Model, Reducer
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import pose
-from rverror.geartrain.cycloid import initial_gap, loaded_share, normal_gap
+from rverror.geartrain.cycloid import loaded_share, normal_gap
 from rverror.geartrain.mechanism import Stiffness
 from strategies import Array
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from rverror.life.courses import courses_of
+from rverror.life.growth import courses_of
 
 
 @settings(max_examples=30)

@@ -14,8 +14,7 @@ import pytest
 import rverror
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
-from rverror.life.courses import Course
-from rverror.life.growth import AtLoad, Cause, GrowthSearch
+from rverror.life.growth import AtLoad, Course, GrowthSearch, Term
 from rverror.life.over_life import told
 from rverror.life.result import Changed
 from rverror.life.unit_state import UnitState
@@ -185,7 +184,7 @@ def test_a_score_is_the_posterior_over_that_of_none() -> None:
     )  # fmt: skip
     course = of.courses[len(AT) - 1]
     assert (course.kind, course.since) == ("linear", 0.0)
-    found = of.fitted([Cause(number, course)])
+    found = of.fitted([Term(number, course)])
     (place,) = of.places[number]
     made = np.outer(course.centred(AT), of.columns[:, place])
     prior = 30 * UM / 3

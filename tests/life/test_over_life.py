@@ -15,8 +15,7 @@ import rverror
 from pages import ROOT
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
-from rverror.life.courses import Course
-from rverror.life.growth import Cause
+from rverror.life.growth import Course, Term
 from rverror.life.over_life import remaining
 from rverror.life.result import Remaining, Trend
 from rverror.life.sessions import history_of, sessions_of
@@ -61,7 +60,7 @@ def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     )  # fmt: skip
     course = Course("linear", 0.0, 500.0)
     fit = SimpleNamespace(
-        terms=(Cause(0, course),), sizes=(np.array([size / 2]),), covariance=(np.array([[(size / 200) ** 2]]),)
+        terms=(Term(0, course),), sizes=(np.array([size / 2]),), covariance=(np.array([[(size / 200) ** 2]]),)
     )
     search = SimpleNamespace(
         unit=SimpleNamespace(history=history, influences=columns[None, :, None]),

@@ -9,8 +9,7 @@ import rverror
 from rverror.base.errors import InputError
 from rverror.matching.at_load import UnitsAtLoad, columns_of
 from rverror.matching.matched import match
-from rverror.parts.measured import MeasuredPart
-from rverror.parts.mounting import mounted, places_of
+from rverror.parts.measured import MeasuredPart, mounted, places_of
 from rverror.tolerances.specification import check_limits
 
 UNIT = rverror.Reducer(

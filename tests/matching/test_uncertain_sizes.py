@@ -10,8 +10,7 @@ from rverror.base.errors import InputError
 from rverror.matching.at_load import columns_of
 from rverror.matching.matched import match
 from rverror.matching.unit_waves import UnitWaves
-from rverror.parts.measured import MeasuredPart
-from rverror.parts.mounting import places_of
+from rverror.parts.measured import MeasuredPart, places_of
 
 UNIT = rverror.Reducer(
     sun_teeth=9, planet_teeth=27, module="1.5 mm", pressure_angle="20 deg", disc_lobes=15, pins=16,

@@ -9,8 +9,7 @@ import pytest
 import rverror
 from rverror.base.errors import InputError
 from rverror.model.catalogue import source
-from rverror.parts.measured import KINDS, MeasuredPart
-from rverror.parts.mounting import disc_turns, mounted, places_of
+from rverror.parts.measured import KINDS, MeasuredPart, disc_turns, mounted, places_of
 
 TURN = 2 * np.pi
 TWO = rverror.reducer("RV-40E")

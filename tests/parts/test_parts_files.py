@@ -62,7 +62,7 @@ def test_a_row_for_each_part(tmp_path: Path) -> None:
         "1 row left out for cycloid.disc_bore_position (crank 1), a cell holds no number: line 5" in note
         for note in found.notes
     )
-    assert any("1 column of the file left out, not in the mapping: 'Prüfer'" in note for note in found.notes)
+    assert any("1 column of the file left out, not asked for: 'Prüfer'" in note for note in found.notes)
 
 
 def test_a_spreadsheet_says_the_same(tmp_path: Path) -> None:

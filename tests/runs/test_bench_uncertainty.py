@@ -35,8 +35,8 @@ def test_parts_simulated_one_by_one_scatter_as_said() -> None:
         coupling_runout="0.1 mm",
         coupling_radius="20 mm",
     )
-    assert found.standard == pytest.approx(float(reading.std()), rel=0.01)
-    inside = np.abs(reading - reading.mean()) < found.expanded
+    assert found.of("reading") / 2 == pytest.approx(float(reading.std()), rel=0.01)
+    inside = np.abs(reading - reading.mean()) < found.of("reading")
     assert inside.mean() == pytest.approx(0.95, abs=0.02)
 
 
@@ -44,9 +44,9 @@ def test_source_004s_bench() -> None:
     """Its better encoder stands at the input, where a 121st of its error counts."""
     as_printed = bench_uncertainty(R, output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
     exchanged = bench_uncertainty(R, output_encoder="0.39 arcsec", input_encoder="1.24 arcsec")
-    assert as_printed.expanded / ARCSEC == pytest.approx(2 * 1.24 / math.sqrt(3), rel=1e-4)
+    assert as_printed.of("reading") / ARCSEC == pytest.approx(2 * 1.24 / math.sqrt(3), rel=1e-4)
     assert as_printed.of("peak_to_peak") / ARCSEC == pytest.approx(4 * 1.24 / math.sqrt(3), rel=1e-4)
-    assert as_printed.expanded / exchanged.expanded == pytest.approx(1.24 / 0.39, rel=1e-3)
+    assert as_printed.of("reading") / exchanged.of("reading") == pytest.approx(1.24 / 0.39, rel=1e-3)
     assert [one.name for one in as_printed.parts] == ["output encoder", "input encoder"]
     tilted = bench_uncertainty(R, output_encoder="1.24 arcsec", coupling_runout="0.1 mm", coupling_radius="20 mm")
     assert tilted.parts[0].name == "coupling"
@@ -116,7 +116,7 @@ def test_intervals_hold_95_percent_of_simulated_encoders(true: str, runout: floa
         assert np.mean(off <= half / ARCSEC + 1e-9) >= 0.95, name
     if true == "order 40" and not runout:  # every lobe waits for the encoder: not a difference of two free readings
         off = np.abs(peak_to_peak(gears + errors) - peak_to_peak(gears))
-        assert np.mean(off <= math.sqrt(2) * found.expanded / ARCSEC) < 0.95
+        assert np.mean(off <= math.sqrt(2) * found.of("reading") / ARCSEC) < 0.95
 
 
 def test_the_most_that_a_part_can_do_is_done_by_a_curve() -> None:

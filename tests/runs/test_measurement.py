@@ -123,13 +123,12 @@ def test_all_three_columns_must_agree(tmp_path: Path) -> None:
         load(tmp_path, text(lines, columns=columns)).error(100)
 
 
-def test_other_columns_are_kept_in_their_unit(tmp_path: Path) -> None:
+def test_other_columns_are_left_out_and_named(tmp_path: Path) -> None:
     lines = [f"{row},{i / 2},{'hot' if i == 3 else i}" for i, row in enumerate(rows())]
     run = load(tmp_path, text(lines, columns=COLUMNS.rstrip() + ",torque[N*m],state\n"))
-    np.testing.assert_array_equal(run.extra["torque[N*m]"], np.arange(N) / 2)
-    assert np.isnan(run.extra["state"][3])
+    np.testing.assert_allclose(run.torque_record, 500 * np.arange(N), rtol=1e-14)
     assert run.size == N  # a word in a column that nobody needs costs no row
-    assert run.notes == ()
+    assert run.notes == ("1 column of the file left out, not asked for: 'state'",)
 
 
 def test_ratio_of_every_kind() -> None:
@@ -151,14 +150,13 @@ def test_rows_without_a_number_are_left_out_and_counted(tmp_path: Path, cell: st
     np.testing.assert_allclose(run.error(100.0), math.radians(0.01), atol=1e-15)
 
 
-def test_a_row_short_of_time_is_left_out_but_not_one_short_of_an_extra(tmp_path: Path) -> None:
+def test_a_row_short_of_time_is_left_out_but_not_one_short_of_what_nobody_needs(tmp_path: Path) -> None:
     lines = [f"{row},{i},{i}" for i, row in enumerate(rows())]
     lines[5] = rows()[5] + ",,5"
     lines[6] = rows()[6] + ",6,"
     run = load(tmp_path, text(lines, columns=COLUMNS.rstrip() + ",time[s],load[N]\n"))
-    assert run.notes == ("1 row without a number left out (line 9)",)
+    assert run.notes[-1] == "1 row without a number left out (line 9)"
     assert run.size == N - 1
-    assert np.isnan(run.extra["load[N]"]).tolist().index(True) == 5
 
 
 def test_ten_per_cent_is_the_bound(tmp_path: Path) -> None:
@@ -478,7 +476,6 @@ def test_quantities_are_converted() -> None:
         direction="forward",
         index="A",
         metadata={"bench": "north"},
-        extra={"load": degrees},
     )
     assert run.torque == pytest.approx(20e3)
     assert run.temperature == pytest.approx(293.15)
@@ -496,7 +493,7 @@ GOOD = {"input_angle": np.arange(N) * 1.0, "output_angle": np.arange(N) / 100}
     [
         ({"output_angle": None}, "besides input_angle there is no output_angle and no te"),
         ({"output_angle": np.arange(5.0)}, "differ in length .*input_angle 40, output_angle 5"),
-        ({"extra": {"x": np.zeros(3)}}, "differ in length"),
+        ({"torque_record": np.zeros(3)}, "differ in length"),
         ({"output_angle": np.zeros((N, 1))}, "shape"),
         ({"output_angle": ["a"] * N}, "output_angle holds something that is no number"),
         ({"output_angle": pint.UnitRegistry().Quantity(np.arange(N), "mm")}, "output_angle: .*angle"),
@@ -570,7 +567,6 @@ def test_written_run_reads_back(
         temperature=temperature,
         index=index,
         metadata={"Bench no": value},
-        extra={"load[N]": rng.normal(size=n), "state": np.arange(n)},
     )  # type: ignore[arg-type]
     file = tmp_path_factory.mktemp("runs") / "run.csv"
     write_run(file, run, comments=["made by a test", "two\nlines"])
@@ -583,8 +579,6 @@ def test_written_run_reads_back(
     assert back.metadata["Bench no"] == value
     for got, wanted in ((back.torque, run.torque), (back.temperature, run.temperature)):
         assert got == (None if wanted is None else pytest.approx(wanted, rel=1e-11, abs=1e-12))
-    for name in run.extra:
-        np.testing.assert_allclose(back.extra[name], run.extra[name], rtol=1e-14)
 
 
 def test_written_in_the_units_of_the_design(tmp_path: Path) -> None:
@@ -620,8 +614,6 @@ def test_existing_file_stays_unless_overwriting_is_allowed(tmp_path: Path) -> No
         ({"metadata": {"a": "b\nc"}}, "would not read back"),
         ({"metadata": {"a: b": "c"}}, "would not read back"),
         ({"metadata": {"": "c"}}, "would not read back"),
-        ({"extra": {"a,b": np.zeros(N)}}, "column name 'a,b' would not read back"),
-        ({"extra": {"te[mm]": np.zeros(N)}}, "would not read back"),
         ({"index": "a\n1,2"}, "would not read back"),
     ],
 )  # fmt: skip

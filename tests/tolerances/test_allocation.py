@@ -14,12 +14,11 @@ from rverror.base.units import ARCSEC
 from rverror.tolerances.allocation import cost_front
 from rverror.tolerances.allocation_result import Allocation
 from rverror.tolerances.blocks import Block
-from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.constraints import WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
-from rverror.tolerances.loaded_yield import standard_draws
+from rverror.tolerances.loaded_yield import ClosedFormUnits, standard_draws
 from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack, stack

@@ -14,7 +14,7 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.units import ARCSEC
 from rverror.tolerances.blocks import Block, Component
-from rverror.tolerances.closed_form import budget
+from rverror.tolerances.closed_form import GroupWaves, budget
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import (
     Circle,
@@ -27,7 +27,6 @@ from rverror.tolerances.distribution import (
     Uniform,
 )
 from rverror.tolerances.stacking import Stack, stack
-from rverror.tolerances.worst_pair import GroupWaves
 from stack_covariance import of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))

@@ -15,8 +15,7 @@ import rverror
 from rverror.base.errors import InputError
 from rverror.tolerances.allocation import allocate
 from rverror.tolerances.allocation_result import Allocation
-from rverror.tolerances.gear_grades import CLASSES, KEYS, class_of, gear_limit, gear_tolerance
-from rverror.tolerances.iso_grades import it_width
+from rverror.tolerances.grades import CLASSES, KEYS, class_of, gear_limit, gear_tolerance, it_width
 from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 

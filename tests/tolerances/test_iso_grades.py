@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from rverror.base.errors import InputError
-from rverror.tolerances.iso_grades import BANDS, WIDTHS, it_width
+from rverror.tolerances.grades import BANDS, WIDTHS, it_width
 
 MEANS = [math.sqrt(low * high) for low, high in itertools.pairwise((1.0, *BANDS))]
 FACTORS = {"IT5": 7, "IT6": 10, "IT7": 16, "IT8": 25, "IT9": 40, "IT10": 64, "IT11": 100}

@@ -7,8 +7,8 @@ from hypothesis import given, strategies as st
 
 import rverror
 from rverror.base.errors import InputError
+from rverror.tolerances.declared import width_and_centre
 from rverror.tolerances.distribution import Lognormal, Uniform
-from rverror.tolerances.limits import width_and_centre
 
 UM = st.integers(-400, 400).map(lambda tenths: tenths / 10)
 

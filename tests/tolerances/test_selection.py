@@ -16,9 +16,8 @@ import rverror
 from rverror.base.errors import InputError
 from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
-from rverror.tolerances.declared import tolerance
+from rverror.tolerances.declared import SelectedFit, tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Samples, Triangular, TruncatedNormal, Uniform
-from rverror.tolerances.selection import SelectedFit
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.tolerance_file import load_tolerances

@@ -17,12 +17,12 @@ import xarray as xr
 import every_kind as made
 import rverror
 from every_kind import DRIVE, ELASTIC, HOSTILE, KINDS, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
+from order_tables import made_orders
 from rverror import InputError, to_pandas, to_xarray
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.views.tables import columns, table
 
-OWN = {name.replace("/", " per ") for name in run().extra}  # a bench's own columns have its own units
 UREG: pint.UnitRegistry[float] = pint.UnitRegistry()
 
 
@@ -41,7 +41,7 @@ def row_units(found: xr.Dataset, name: str) -> list[str] | None:
 def quantities(found: xr.Dataset) -> Iterator[tuple[str, list[Any]]]:
     """Every variable of numbers as quantities, one for each of its rows."""
     for name, variable in found.variables.items():
-        if variable.dtype.kind not in "fi" or name in OWN:
+        if variable.dtype.kind not in "fi":
             continue
         if "units" in variable.attrs:
             yield str(name), [UREG.Quantity(variable.values, variable.attrs["units"])]
@@ -84,9 +84,7 @@ def test_each_dimension_makes_a_frame_of_the_same_values_and_units(kind: str, di
         assert len(frame) == found.sizes[rows]
         assert frame.attrs["kind"] == found.attrs["kind"]
         for name in found.variables:
-            column = {own.replace("/", " per "): own for own in run().extra}.get(
-                name, str(name).removeprefix(f"{rows}_")
-            )
+            column = str(name).removeprefix(f"{rows}_")
             if found[name].dims == (rows,) and not str(name).endswith("unit"):
                 assert frame[column].tolist() == pytest.approx(found[name].values.tolist(), nan_ok=True)
                 assert frame.attrs["units"].get(column, "") == found[name].attrs.get("units", "")
@@ -140,7 +138,7 @@ def test_an_order_table_has_a_row_for_each_wave() -> None:
     assert frame["sigma"].tolist() == pytest.approx([0.2, 0.1, 0.1, 0.1])
     assert frame["input_speed"].tolist() == pytest.approx([10 * 60 / (2 * np.pi)] * 4)
     assert frame.attrs["units"]["input_speed"] == "rpm"
-    bare = to_pandas(rverror.runs.orders_from_arrays(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
+    bare = to_pandas(made_orders(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
     assert list(bare.columns) == ["case", "direction", "order", "amplitude", "phase", "cos", "sin"]
 
 
@@ -373,9 +371,6 @@ def same(one: rverror.Run, other: rverror.Run) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
     assert (one.torque, one.temperature, one.index) == (other.torque, other.temperature, other.index)
     assert dict(one.metadata) == dict(other.metadata)
-    assert list(one.extra) == list(other.extra)
-    for name in one.extra:
-        np.testing.assert_array_equal(one.extra[name], other.extra[name])
 
 
 def test_a_run_goes_to_a_frame_and_back() -> None:
@@ -385,7 +380,6 @@ def test_a_run_goes_to_a_frame_and_back() -> None:
         **{name: frame[name] for name in ("input_angle", "output_angle", "time")},
         direction=frame.attrs["direction"],
         **{name: frame.attrs[name] for name in ("torque", "temperature", "index", "metadata")},
-        extra={name: frame[name] for name in there.extra},
     )
     same(back, there)
 
@@ -400,7 +394,6 @@ def test_a_run_goes_to_a_dataset_and_back() -> None:
     )
     np.testing.assert_allclose(back.error(121), there.error(121), atol=1e-12)
     np.testing.assert_array_equal(back.direction, there.direction)
-    assert found["current[A]"].attrs["units"] == "A"
     assert found["torque"].item() == pytest.approx(20)
 
 

@@ -1,4 +1,4 @@
-"""Arrays of float64, and plane vectors along their last but one axis; the samples are the last one."""
+"""Types of arrays, and plane vectors along the last but one axis of one; the samples are the last one."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 
 
 def radial_and_tangential(angle: Array) -> tuple[Array, Array]:

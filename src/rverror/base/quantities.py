@@ -66,7 +66,7 @@ class NumberField:
 
     def _bounds(self) -> str:
         if self.most < math.inf:
-            return f"from {self.least:g} to {self.most:g}"
+            return f"from {self._shown(self.least)} to {self._shown(self.most)}"
         return f"above {self.above:g}" if self.above > -math.inf else f"{self.least:g} or more"
 
 

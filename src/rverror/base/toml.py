@@ -24,7 +24,7 @@ EXAMPLES = {
 }
 
 #: Keys from the outermost table inwards, with the number of the entry after the name of an array of tables.
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 _BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
 _TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
@@ -49,9 +49,9 @@ class TomlText:
 
     path: str
     content: dict[str, Any]
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPath, int]
 
-    def refuse(self, place: Place, message: str) -> NoReturn:
+    def refuse(self, place: KeyPath, message: str) -> NoReturn:
         """Refuse with the line of a place, or of the nearest table around it.
 
         Raises
@@ -64,7 +64,7 @@ class TomlText:
         line = f", line {self.lines[place]}" if place else ""
         raise InputError(f"{self.path}{line}: {message}")
 
-    def check_keys(self, place: Place, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    def check_keys(self, place: KeyPath, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
         """Refuse the first key of a table that is not known.
 
         Parameters
@@ -87,7 +87,7 @@ class TomlText:
                 hint = did_you_mean(key, known)
                 self.refuse((*place, key), f"unknown {what} {shown(key)};{hint} the keys are {', '.join(known)}")
 
-    def string(self, place: Place, table: Mapping[str, Any], key: str, default: str) -> str:
+    def string(self, place: KeyPath, table: Mapping[str, Any], key: str, default: str) -> str:
         """Text of a key.
 
         Parameters
@@ -108,7 +108,7 @@ class TomlText:
             self.refuse((*place, key), f'{key} = {shown(value)}: must be a text; write {key} = "..." with quotes')
         return value
 
-    def quantity(self, place: Place, value: object, dimension: str, example: str) -> float:
+    def quantity(self, place: KeyPath, value: object, dimension: str, example: str) -> float:
         """Value written as a text with a unit.
 
         It comes back in the core unit; a slope may be a bare number, for it has no unit.  The last key of its place
@@ -176,11 +176,11 @@ def _syntax_message(path: str, text: str, message: str) -> str:
     return f"{path}{place}: no valid TOML: {message}; {remedy}"
 
 
-def _lines(text: str) -> dict[Place, int]:
+def _lines(text: str) -> dict[KeyPath, int]:
     """Line of every key of a valid text."""
-    lines: dict[Place, int] = {}
-    table: Place = ()
-    counts: dict[Place, int] = {}
+    lines: dict[KeyPath, int] = {}
+    table: KeyPath = ()
+    counts: dict[KeyPath, int] = {}
     inside = ""
     for number, line in enumerate(split_lines(text), 1):
         if inside:  # of a text over several lines
@@ -201,9 +201,9 @@ def _lines(text: str) -> dict[Place, int]:
     return lines
 
 
-def _resolve(keys: Place, counts: Mapping[Place, int]) -> Place:
+def _resolve(keys: KeyPath, counts: Mapping[KeyPath, int]) -> KeyPath:
     """Full place of a table below the latest entry of an array of tables."""
-    place: Place = ()
+    place: KeyPath = ()
     for i, key in enumerate(keys):
         place = (*place, key)
         if place in counts and i < len(keys) - 1:
@@ -211,7 +211,7 @@ def _resolve(keys: Place, counts: Mapping[Place, int]) -> Place:
     return place
 
 
-def _split_key(text: str) -> Place:
+def _split_key(text: str) -> KeyPath:
     keys: list[str] = []
     position = 0
     while match := _BARE_OR_QUOTED.match(text, position):

@@ -196,7 +196,7 @@ def parse(text: str, dimension: str) -> float:
     factor, zero = unit_scale(unit, dimension)
     value = float(number) * factor + zero
     if not math.isfinite(value):
-        raise ValueError(f"{text!r} is not a finite value")
+        raise ValueError(f"{text!r} is not a finite value; give a number that is")
     return value
 
 

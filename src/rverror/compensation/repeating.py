@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.numbers import way
@@ -22,8 +21,6 @@ from rverror.model.effects import Model
 from rverror.runs.faults import find_faults
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import TableCondition, Waves
-
-Labels = npt.NDArray[np.intp]
 
 _TURN = 2 * math.pi
 #: White noise that every reading has, and an amplitude below which no table needs an order: what is calculated has no
@@ -87,7 +84,7 @@ class DirectedRun:
     theta: Array
     measured: Array
     error: Array
-    block: Labels
+    block: Integers
     turns: float
     passed: bool
     candidates: Array
@@ -233,7 +230,7 @@ def _passes(direction: Array) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _blocks(theta: Array, label: Labels, turns: float) -> Labels:
+def _blocks(theta: Array, label: Integers, turns: float) -> Integers:
     """Turns; else passes; else even stretches of the travel, of a turn many short ones by turns.
 
     Over a turn without a sixth of it orders that are neighbours could not be told apart.
@@ -411,7 +408,7 @@ def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Arra
     return power, noise, freedom
 
 
-def _lines_of_turns(record: DirectedRun, left: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+def _lines_of_turns(record: DirectedRun, left: Array) -> tuple[Array, Array, Flags]:
     """Orders 1/turns, 2/turns, ... of whole turns, squared amplitudes from even angles, and which are no whole order.
 
     Of a single turn all count as such: there are no others.

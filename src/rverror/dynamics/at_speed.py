@@ -15,8 +15,7 @@ from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
-from rverror.dynamics.loaded_motion import ReducedMotion
-from rverror.dynamics.moving_reducer import MovingReducer, moving_reducer
+from rverror.dynamics.loaded_motion import MovingReducer, ReducedMotion, moving_reducer
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, unread

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.viewed import Viewed
 from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
@@ -63,7 +62,7 @@ class Modes(Viewed):
     strain_energy: Mapping[str, Array]
     kinetic_energy: Mapping[str, Array]
     sensitivity: Mapping[str, Array]
-    of_sun_support: npt.NDArray[np.bool_]
+    of_sun_support: Flags
     inertia: Inertia
     estimated: tuple[str, ...]
     torque: float

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
-from rverror.dynamics.loaded_motion import ReducedMotion
-from rverror.dynamics.moving_reducer import moving_reducer
+from rverror.dynamics.loaded_motion import ReducedMotion, moving_reducer
 from rverror.dynamics.time_integration import periodic
 from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
@@ -68,7 +66,7 @@ class RunUp(Viewed):
     windup: Array
     output_torque: Array
     frequency: Array
-    of_sun_support: npt.NDArray[np.bool_]
+    of_sun_support: Flags
     ratio: float
     torque: float
     direction: float

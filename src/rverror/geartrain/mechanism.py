@@ -270,7 +270,7 @@ class Inertia(Checked):
 
     Notes
     -----
-    What is left out is estimated from the geometry, as of steel: `rverror.dynamics.inertias.whole_inertia`.  Quantities
+    What is left out is estimated from the geometry, as of steel: `rverror.dynamics.train.whole_inertia`.  Quantities
     and strings with a unit are converted.
 
     Examples

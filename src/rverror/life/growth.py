@@ -1,4 +1,4 @@
-"""Which cause grows or jumped: a search over all sources and courses on the differences between sessions.
+"""Which cause grows or jumped: courses over the sessions, and a search over these and all sources.
 
 Page ``theory/trend.md``.
 """
@@ -12,15 +12,122 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError
-from rverror.life.courses import Course, courses_of
 from rverror.life.sessions import FEW, repeated
 from rverror.life.unit_state import UnitState, known_to
 from rverror.lots.differences import RIVAL, ShiftSource, candidates_of, single_parts
 from rverror.model.catalogue import source
+
+_COARSE, _FINE = 4, 16  # time constants of growths that settle that are tried, and in between
+_SETTLING = (0.03, 0.6)  # the shortest and longest, as shares of the time from the first session to the last
+_BETWEEN = 6  # times between two sessions from which a growth may start
+_GROWN = 2  # sessions that show a growth: one that the last session alone has may be a jump as well
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a cause of size 1 has grown.
+
+    Attributes
+    ----------
+    kind : str
+        ``"linear"``, ``"settling"`` or ``"step"``.
+    since : float
+        Time from which on it grows; of a jump that of the first session that has it, hours or cycles.
+    end : float
+        Time of the last session, at which it is 1.
+    settling : float
+        Time constant of a growth that settles, hours or cycles.
+    cost : float
+        Minus twice the logarithm of its prior probability.
+    """
+
+    kind: str
+    since: float
+    end: float
+    settling: float = 0.0
+    cost: float = 0.0
+
+    def grown(self, at: Array) -> Array:
+        """Size at some times."""
+        after, span = np.maximum(at - self.since, 0.0), self.end - self.since
+        if self.kind == "step":
+            return np.where(at >= self.since, 1.0, 0.0)
+        if self.kind == "linear":
+            return np.asarray(after / span)
+        return np.asarray(np.expm1(-after / self.settling) / math.expm1(-span / self.settling))
+
+    def centred(self, at: Array) -> Array:
+        """The same about its mean: what does not change is not asked for."""
+        values = self.grown(at)
+        return np.asarray(values - values.mean())
+
+    def bend(self, at: Array) -> Array:
+        """How a growth is off that bends between none and all of it, about its mean; 0 of a jump."""
+        grown = self.grown(at)
+        values = 4 * grown * (1 - grown)
+        return np.asarray(values - values.mean())
+
+    @property
+    def rate(self) -> float:
+        """Growth per hour or cycle at the end, over the size there; 0 of a jump."""
+        span = self.end - self.since
+        if self.kind == "step":
+            return 0.0
+        if self.kind == "linear":
+            return 1 / span
+        return math.exp(-span / self.settling) / self.settling / -math.expm1(-span / self.settling)
+
+
+def courses_of(at: Array, *, fine: bool = False) -> tuple[Course, ...]:
+    """Courses that sessions can tell apart.
+
+    Parameters
+    ----------
+    at : ndarray, shape (sessions,)
+        Hours or cycles, growing.
+    fine : bool
+        Whether growths start between sessions as well, and more time constants are tried.
+
+    Returns
+    -------
+    tuple of Course
+        A jump at each session but the first; of three and more a growth from each session that two follow; of four
+        and more growths that settle.  Each kind is as probable as another, and so is each session of a kind, but that
+        half of the linear growths go on from the first.
+
+    Examples
+    --------
+    >>> [(one.kind, one.since) for one in courses_of(np.array([0.0, 10, 20]))]
+    [('step', 10.0), ('step', 20.0), ('linear', 0.0)]
+    >>> courses_of(np.array([0.0, 10, 20]))[2].grown(np.array([0.0, 10, 20]))
+    array([0. , 0.5, 1. ])
+    """
+    count, first, end = len(at), float(at[0]), float(at[-1])
+    hinges = [float(time) for time in at[1 : count - _GROWN]]
+    kinds = 1 + (count > _GROWN) + (count > _GROWN + 1)
+
+    def cost(members: float) -> float:
+        return 2 * math.log(kinds * members)
+
+    found = [Course("step", float(time), end, 0.0, cost(count - 1)) for time in at[1:]]
+    if count > _GROWN:
+        found.append(Course("linear", first, end, 0.0, cost(2 if hinges else 1)))
+        starts = _between([first, *hinges])[1:] if fine else hinges
+        found += [Course("linear", time, end, 0.0, cost(2 * len(hinges))) for time in starts]
+    if count > _GROWN + 1:
+        times = np.geomspace(*_SETTLING, _FINE if fine else _COARSE) * (end - first)
+        found += [Course("settling", first, end, float(time), cost(_COARSE)) for time in times]
+    return tuple(found)
+
+
+def _between(times: Sequence[float]) -> list[float]:
+    """Times, and some between each two."""
+    every = np.interp(np.arange((len(times) - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(len(times)), times)
+    return [float(time) for time in every]
+
 
 _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
 EVIDENCE = -2 * math.log(_DOUBTED)  # by which a cause lowers minus twice the log posterior
@@ -41,8 +148,8 @@ _NEARLY = 0.05  # of sizes, by which they differ from those that were solved at 
 
 
 @dataclass(frozen=True)
-class Cause:
-    """A cause, by its number, with its course."""
+class Term:
+    """A cause, by its number, with its course: one of a set."""
 
     cause: int
     course: Course
@@ -81,7 +188,7 @@ class Fitted:
 
     Attributes
     ----------
-    terms : tuple of Cause
+    terms : tuple of Term
     sizes : tuple of ndarray
         Of each at the last session, core units.
     covariance : tuple of ndarray
@@ -96,7 +203,7 @@ class Fitted:
         What the load makes of each cause; empty where some were not solved there.
     """
 
-    terms: tuple[Cause, ...]
+    terms: tuple[Term, ...]
     sizes: tuple[Array, ...]
     covariance: tuple[Array, ...]
     score: float
@@ -153,7 +260,7 @@ class GrowthSearch:
         return courses_of(self.at)
 
     @cached_property
-    def places(self) -> tuple[npt.NDArray[np.intp], ...]:
+    def places(self) -> tuple[Integers, ...]:
         """Columns of each cause."""
         ends = np.cumsum([len(one.parameters) for one in self.causes])
         return tuple(np.arange(end - len(one.parameters), end) for one, end in zip(self.causes, ends, strict=True))
@@ -249,7 +356,7 @@ class GrowthSearch:
             return None
         taken = {term.cause for term in beside.terms}
         near = [int(c) for c in np.argsort(scores) if c not in taken and math.isfinite(scores[c])][:_TRIED]
-        rough = [self.fitted((*beside.terms, Cause(c, self.courses[course[c]])), beside, at_load=False) for c in near]
+        rough = [self.fitted((*beside.terms, Term(c, self.courses[course[c]])), beside, at_load=False) for c in near]
         rough.sort(key=lambda one: one.score)
         single = [one for one in rough[_SOLVED:] if self._width(one) == 1]
         solved = [self.fitted(one.terms, beside) for one in (*rough[:_SOLVED], *single[: _SOLVED // 2])]
@@ -280,7 +387,7 @@ class GrowthSearch:
         sets = [(*before, replace(term, course=course), *after) for course in courses]
         return [self.fitted(terms, now, at_load=False) for terms in sets]
 
-    def _promises(self, beside: Fitted) -> tuple[Array, npt.NDArray[np.intp]]:
+    def _promises(self, beside: Fitted) -> tuple[Array, Integers]:
         """Score of each cause beside a set by a linear step, and the course with which it has it."""
         scale = 1 / np.sqrt(1 + beside.missed)
         columns, left = self.columns * scale[:, None], beside.left * scale
@@ -309,12 +416,12 @@ class GrowthSearch:
                 found[number, chosen] = course.cost + 2 * math.log(len(self.causes)) - gain
         return beside.score + found.min(axis=0), found.argmin(axis=0)
 
-    def fitted(self, terms: Sequence[Cause], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
+    def fitted(self, terms: Sequence[Term], near: Fitted | None = None, *, at_load: bool = True) -> Fitted:
         """Sizes of a set of causes with its score.
 
         Parameters
         ----------
-        terms : sequence of Cause
+        terms : sequence of Term
         near : Fitted, optional
             A set that has some of the causes: what the load makes of them is taken from there, where sizes are near.
         at_load : bool
@@ -376,7 +483,7 @@ class GrowthSearch:
         kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
 
-    def _at_load(self, term: Cause, sizes: Array) -> AtLoad | None:
+    def _at_load(self, term: Term, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
         change = self.spread(term.cause, sizes)
         try:
@@ -408,7 +515,7 @@ class GrowthSearch:
         found = []
         for cause in dict.fromkeys((*near, *equivalent, *alike)):
             both = now.terms[number].course, self.courses[course[cause]]
-            tried = [self.fitted((*others.terms, Cause(cause, c)), others, at_load=False) for c in both]
+            tried = [self.fitted((*others.terms, Term(cause, c)), others, at_load=False) for c in both]
             found.append(min(tried, key=lambda one: one.score))
         found.sort(key=lambda one: one.score)
         kept = []

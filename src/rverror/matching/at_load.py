@@ -16,8 +16,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.parts.measured import MeasuredPart
-from rverror.parts.mounting import Place, mounted
+from rverror.parts.measured import MeasuredPart, Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.tolerances.blocks import Component
 from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits

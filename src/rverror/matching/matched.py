@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
 from rverror.base.threads import each
@@ -19,10 +19,9 @@ from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
-from rverror.matching.unit_waves import Assembly, Ints, UnitWaves, placed
+from rverror.matching.unit_waves import Assembly, UnitWaves, placed
 from rverror.model.effects import Model, check_model
-from rverror.parts.measured import KINDS, MeasuredPart
-from rverror.parts.mounting import Place, at_first_place, mounted, places_of
+from rverror.parts.measured import KINDS, MeasuredPart, Place, at_first_place, mounted, places_of
 from rverror.tolerances.loaded_yield import counted
 from rverror.tolerances.specification import Limit, check_limits
 
@@ -138,7 +137,7 @@ class _PartsAtPlaces:
     columns: PlacedErrors  #: of these places, then of the grooves
     before: Mapping[str, int]  #: pitches by which a disc was turned to be as those of the first place that it fits
     rollers: tuple[MeasuredPart, ...]  #: single ones and classes
-    kits: Ints  #: (kits, pins): which of them, in arbitrary order
+    kits: Integers  #: (kits, pins): which of them, in arbitrary order
     notes: tuple[str, ...]
 
     @property
@@ -151,7 +150,7 @@ class _PartsAtPlaces:
         """Of all errors."""
         return self.columns.components
 
-    def values(self, assembly: Assembly, rollers: Ints | None = None) -> Array:
+    def values(self, assembly: Assembly, rollers: Integers | None = None) -> Array:
         """Components of units, shape (units, components); their rollers by groove, where not as the kits have them."""
         total = np.zeros((len(assembly.part), len(self.components)))
         for place in range(len(self.parts)):
@@ -162,13 +161,13 @@ class _PartsAtPlaces:
                 total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
         return total
 
-    def true(self, assembly: Assembly, rollers: Ints | None = None) -> tuple[Array, Array]:
+    def true(self, assembly: Assembly, rollers: Integers | None = None) -> tuple[Array, Array]:
         """What the true components differ by from those of the measured sizes: mean and 1 sigma."""
         of = (replace(self, columns=each) for each in (self.columns.regression, self.columns.variances))
         mean, variance = (each.values(assembly, rollers) for each in of)
         return mean, np.asarray(np.sqrt(variance))
 
-    def in_grooves(self, assembly: Assembly) -> Ints:
+    def in_grooves(self, assembly: Assembly) -> Integers:
         """Rollers in the grooves of each unit as its kit has them."""
         return self.kits[assembly.part[:, -1]]
 
@@ -273,7 +272,7 @@ class _Built:
 
     assembly: Assembly
     turns: Array  # (units, quantities), rad
-    rollers: Ints | None = None
+    rollers: Integers | None = None
 
 
 @dataclass(frozen=True)
@@ -294,7 +293,7 @@ class _AtLoad:
         """True turns of units, with progress."""
         return self.units.solved(values, progress=counted(self.progress, what, len(values)))
 
-    def built(self, what: str, assembly: Assembly, rollers: Ints | None = None) -> _Built:
+    def built(self, what: str, assembly: Assembly, rollers: Integers | None = None) -> _Built:
         """Units put together so."""
         return _Built(assembly, self.solved(what, self.lot.values(assembly, rollers)), rollers)
 
@@ -383,7 +382,7 @@ class _AtLoad:
                 idle = 0 if moved.size else idle
         return built
 
-    def residual(self, waves: UnitWaves, built: _Built, rows: Ints) -> Array:
+    def residual(self, waves: UnitWaves, built: _Built, rows: Integers) -> Array:
         """Difference of the true waves of some units from the sums of their parts' waves, scaled to the true size."""
         some = built.assembly.of(rows)
         whole = waves.whole(some)
@@ -420,7 +419,7 @@ class _AtLoad:
         effect = sizes.std(axis=0) * (moved @ self.slope).std(axis=1)
         return sizes[:, effect.argmax()] if effect.size else np.zeros(len(sizes))
 
-    def of_one_size(self, assembly: Assembly) -> Ints:
+    def of_one_size(self, assembly: Assembly) -> Integers:
         """Rollers of each unit where their kits are made in the order of size: of one class, or of two that adjoin."""
         kits = self.lot.kits
         ordered = kits.ravel()[np.argsort(self.main_sizes(len(self.lot.parts))[kits.ravel()], kind="stable")]
@@ -437,7 +436,7 @@ class _AtLoad:
         return _Built(built.assembly, np.where(better, found.turns, built.turns), np.where(better, rollers, came))
 
 
-def _circles(before: Ints, after: Ints) -> Ints:
+def _circles(before: Integers, after: Integers) -> Integers:
     """Units among which parts went round, by a number: what one of them gains another may pay for."""
     at = {int(part): unit for unit, part in enumerate(before)}
     origin = [at.get(int(part), unit) for unit, part in enumerate(after)]

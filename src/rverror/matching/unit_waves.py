@@ -14,12 +14,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from rverror.base.arrays import Array
-
-Ints = npt.NDArray[np.intp]
+from rverror.base.arrays import Array, Flags, Integers
 
 _STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
 _CHANGE = 0.02  # cost of changing a unit that was solved: smaller gains are not worth it
@@ -39,8 +36,8 @@ class Assembly:
         Number of the part in its pool, and by which of the place's ways it is turned.
     """
 
-    part: Ints
-    turn: Ints
+    part: Integers
+    turn: Integers
 
     def of(self, rows: Any) -> Assembly:
         """Some of the units."""
@@ -280,7 +277,7 @@ class UnitWaves:
         possible = self._possible()
         return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
 
-    def _possible(self) -> dict[int, npt.NDArray[np.bool_]]:
+    def _possible(self) -> dict[int, Flags]:
         """Whether a part may be in a good unit, for each pool.
 
         The difference of a unit's wave at two samples is no more than its peak-to-peak, and the parts of all other
@@ -303,7 +300,7 @@ class UnitWaves:
         return possible
 
 
-def placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
+def placed(waves: UnitWaves, grooves: Array, came: Integers, wave: Array) -> Integers:
     """Rollers of one unit by groove: assigned by what each does to the mean square, then exchanged two by two.
 
     The exchange also begins with the rollers as they came, and the better end counts.
@@ -340,7 +337,7 @@ def placed(waves: UnitWaves, grooves: Array, came: Ints, wave: Array) -> Ints:
     return came[min(_swapped(waves, own, rest, start) for start in (order, every))[1]]
 
 
-def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Ints) -> tuple[float, list[int]]:
+def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Integers) -> tuple[float, list[int]]:
     """Error of a unit, and its rollers by groove, when no exchange of two makes it less."""
     every = np.arange(len(order))
     first, second = np.triu_indices(len(order), 1)

@@ -12,7 +12,7 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
-from rverror.base.toml import EXAMPLES, Place, TomlText, quoted, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, TomlText, quoted, read_toml
 from rverror.geartrain.mechanism import (
     BearingPreload,
     ContactLaw,
@@ -206,7 +206,7 @@ def _model(path: str, text: str) -> Model:
         raise InputError(f"{path}: {error}") from error
 
 
-def _table(where: TomlText, place: Place, value: object) -> dict[str, Any]:
+def _table(where: TomlText, place: KeyPath, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         where.refuse(place, f"{place[-1]} = {shown(value)} is no table; write '[{'.'.join(map(str, place))}]'")
     return value
@@ -240,7 +240,7 @@ def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _made(where: TomlText, place: Place, value: object, kind: type[C], base: C | None = None) -> C:
+def _made(where: TomlText, place: KeyPath, value: object, kind: type[C], base: C | None = None) -> C:
     """What a table of quantities describes; what it leaves out is that of a base."""
     table, known = _table(where, place, value), quantities(kind)
     where.check_keys(place, table, list(known), f"key of [{'.'.join(map(str, place))}]")
@@ -251,7 +251,7 @@ def _made(where: TomlText, place: Place, value: object, kind: type[C], base: C |
         where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _size(where: TomlText, place: Place, value: Any, what: NumberField) -> float:
+def _size(where: TomlText, place: KeyPath, value: Any, what: NumberField) -> float:
     """Value of a quantity: a text with a unit, a whole number, or a bare number or percentage."""
     if what.dimension not in (COUNT, "number"):
         return where.quantity(place, value, what.dimension, what.example)
@@ -269,7 +269,7 @@ def _size(where: TomlText, place: Place, value: Any, what: NumberField) -> float
     return cast(float, value)
 
 
-def _first_word(where: TomlText, place: Place, message: str) -> Place:
+def _first_word(where: TomlText, place: KeyPath, message: str) -> KeyPath:
     """Place of the key that a message of the geometry check begins with."""
     return (*place, *re.split(r"[ :]", message, maxsplit=1)[:1])
 
@@ -288,7 +288,7 @@ def _drive(where: TomlText, table: dict[str, Any]) -> Drive:
         where.refuse((*place, "ratio") if wrong is None else (*place, "shafts", wrong), str(error))
 
 
-def _effect(where: TomlText, place: Place, value: object, mechanism: Mechanism) -> Effect:
+def _effect(where: TomlText, place: KeyPath, value: object, mechanism: Mechanism) -> Effect:
     if not isinstance(value, dict):
         where.refuse(place, f"effect holds {shown(value)}, which is no table; write each effect below '[[effect]]'")
     table: dict[str, Any] = value

@@ -16,7 +16,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray
-from rverror.runs.bench.numerals import number_in
+from rverror.runs.bench.text import number_in
 
 SUFFIXES = (".dfq", ".dfd", ".dfx")
 _FIELD = re.compile(r"(K\d{4})(?:/(\d+))?(?:/(\d+))?(?:\s+(.*))?$")

@@ -14,8 +14,8 @@ from rverror.parts.measured import KINDS
 from rverror.parts.reading import SHEETS, check_no_xml, sheet_lines
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.draft import described_lines, found_encoding
+from rverror.runs.bench.mapping import meant_unit
 from rverror.runs.bench.text import decoded, unit_in_name
-from rverror.runs.bench.unit_words import meant_unit
 
 #: What a column may be, by the words of its name in lower case, without its unit.
 _WORDS = {

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
 from rverror.base.text import some
@@ -102,7 +101,7 @@ def _errors(key: str, index: str, numbers: Iterable[int], sized: tuple[Array, Ar
     return found
 
 
-def _order(where: str, numbers: Array, count: int, noun: str) -> npt.NDArray[np.intp]:
+def _order(where: str, numbers: Array, count: int, noun: str) -> Integers:
     """Row of each number, from 0 or from 1."""
     start = 0 if numbers.min() == 0 else 1
     places = numbers - start

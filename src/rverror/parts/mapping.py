@@ -9,7 +9,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
-from rverror.base.toml import Place, TomlText, read_toml
+from rverror.base.toml import KeyPath, TomlText, read_toml
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.parts.measured import KINDS
@@ -168,7 +168,7 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     return PartsMapping(path=str(path), kind=kind, text=text_rules(toml, file), groups=groups, **named)
 
 
-def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColumns:
+def _error(toml: TomlText, place: KeyPath, value: object, kind: str) -> ErrorColumns:
     table = value if isinstance(value, dict) else {}
     key = toml.string(place, table, "key", "")
     frame, counted = KINDS[kind]
@@ -197,7 +197,7 @@ def _error(toml: TomlText, place: Place, value: object, kind: str) -> ErrorColum
     return ErrorColumns(key=key, indices=MappingProxyType({name: table[name] for name in names}), columns=columns)
 
 
-def _column(toml: TomlText, place: Place, value: object, dimension: str) -> PartColumn:
+def _column(toml: TomlText, place: KeyPath, value: object, dimension: str) -> PartColumn:
     unit = units.DISPLAY_UNITS[dimension] if dimension else ""
     example = 'name = "..."' + (f', unit = "{unit}"' if unit else "")
     table = dict(column_table(toml, place, value, example, _COLUMN if dimension else _COLUMN[:2]))

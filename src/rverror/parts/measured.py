@@ -1,11 +1,16 @@
-"""A measured part, and its errors at the place of a unit where it is mounted."""
+"""A measured part, the places of a unit for it, and its errors where it is mounted.  Page ``theory/matching.md``."""
 
 from __future__ import annotations
 
+import cmath
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown
+from rverror.geartrain.cycloid import LOBE_PROFILE, first_root
+from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
@@ -111,3 +116,195 @@ def _ordered(error: Effect, counted: str, place: int) -> dict[str, IndexValue]:
     """All indices, in the order of the source."""
     given: dict[str, IndexValue] = {**error.indices, counted: place}
     return {index.name: given[index.name] for index in source(error.key).indices}
+
+
+#: Pairs of parameters that turn with their part: by the harmonic where the source has one, else by the angle itself.
+_VECTORS = (
+    ("x", "y"),
+    ("cos", "sin"),
+    ("radial_cos", "radial_sin"),
+    ("tangential_cos", "tangential_sin"),
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a unit takes a part.
+
+    Attributes
+    ----------
+    kind : str
+        Of the part, a key of `KINDS`.
+    number : int, optional
+        Which crank, planet, disc or groove; None where a unit has one such part.
+    turns : tuple of int
+        By how many pitches of its bores a disc may be turned there, a sun by how many teeth; of other parts 0 alone.
+    made_for : int
+        First place of a disc whose discs fit here, turned or not: places of one number take the same discs.
+    """
+
+    kind: str
+    number: int | None
+    turns: tuple[int, ...]
+    made_for: int = 0
+
+    def __str__(self) -> str:
+        """Kind and number for people: ``disc 1``."""
+        return self.kind if self.number is None else f"{self.kind} {self.number}"
+
+
+def disc_turns(reducer: Reducer, made_for: int, place: int) -> tuple[int, ...]:
+    """Steps by which a disc made for one place can be turned to stand right at another.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    made_for, place : int
+
+    Returns
+    -------
+    tuple of int
+        Pitches of the bores, counter-clockwise; empty where it does not fit.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.reducer("RV-40E")
+    >>> disc_turns(unit, 0, 0), disc_turns(unit, 0, 1)
+    ((0,), (1,))
+    """
+    cranks, discs = reducer.cranks, reducer.discs
+    return tuple(
+        s
+        for s in range(cranks)
+        if (reducer.disc_lobes * s * discs - (made_for - place) * cranks) % (cranks * discs) == 0
+    )
+
+
+def places_of(reducer: Reducer, kind: str, *, turns: bool = False) -> tuple[Place, ...]:
+    """Places that a unit has for one kind of part.
+
+    Parameters
+    ----------
+    reducer : Reducer
+    kind : str
+        A key of `KINDS`.
+    turns : bool
+        Whether discs may be turned where they fit in several ways, and a sun put in at any tooth.
+
+    Returns
+    -------
+    tuple of Place
+
+    Examples
+    --------
+    >>> import rverror
+    >>> [str(place) for place in places_of(rverror.reducer("RV-40E"), "disc")]
+    ['disc 0', 'disc 1']
+    """
+    counted = KINDS[kind][1]
+    if counted is None:  # a housing turned by pins shifts the waveform as a whole
+        return (Place(kind, None, tuple(range(reducer.sun_teeth if kind == "sun" and turns else 1))),)
+    number = {"crank": reducer.cranks, "disc": reducer.discs, "pin": reducer.pins}[counted]
+    if kind != "disc":
+        return tuple(Place(kind, n, (0,)) for n in range(number))
+    found = []
+    for n in range(number):
+        least = next(p for p in range(number) if disc_turns(reducer, p, n))
+        ways = disc_turns(reducer, least, n)
+        found.append(Place(kind, n, ways if turns else ways[:1], least))
+    return tuple(found)
+
+
+def mounted(part: MeasuredPart, reducer: Reducer, place: int | None = None, turn: int = 0) -> tuple[Effect, ...]:
+    """Errors of a part at its place of a unit, turned by whole steps, as the model of the unit declares them.
+
+    Parameters
+    ----------
+    part : MeasuredPart
+        A disc's errors are those at the place that it is made for.
+    reducer : Reducer
+    place : int, optional
+        As for `MeasuredPart.at`.
+    turn : int
+        Steps, counter-clockwise: pitches of the bores of a disc, teeth of a sun, pins of a housing.
+
+    Returns
+    -------
+    tuple of Effect
+
+    Raises
+    ------
+    InputError
+        If such a part is not turned, or no disc fits there so.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> bore = rverror.effect("cycloid.disc_bore_position", crank=0, radial="3 um")
+    >>> print(*mounted(MeasuredPart("disc", "D17", (bore,)), rverror.reducer("RV-40E"), 1, 1))
+    cycloid.disc_bore_position (disc 1, crank 1): radial 3 um
+    """
+    errors = part.at(place)
+    steps = {"disc": reducer.cranks, "sun": reducer.sun_teeth, "housing": reducer.pins}.get(part.kind, 1)
+    if turn == 0:
+        return errors
+    if steps == 1:
+        raise InputError(
+            f"{part.kind} {part.serial}: turn = {turn}: only discs, suns and housings are turned; leave it out"
+        )
+    shifts = {"pin": (turn, reducer.pins)}
+    if part.kind == "disc":
+        assert place is not None
+        fits = [p for p in range(reducer.discs) if turn % steps in disc_turns(reducer, p, place)]
+        if not fits:
+            raise InputError(
+                f"disc {part.serial}: no disc fits at place {place}, turned by {turn} pitches of its bores"
+            )
+        # a whole number, as the disc fits
+        lobes = first_root(reducer, fits[0]) - first_root(reducer, place) + reducer.disc_lobes * turn / steps
+        shifts = {"crank": (turn, steps), "lobe": (round(lobes), reducer.disc_lobes)}
+    return tuple(_turned(error, shifts, 2 * math.pi * turn / steps) for error in errors)
+
+
+def at_first_place(disc: MeasuredPart, reducer: Reducer) -> tuple[MeasuredPart, int]:
+    """Express a disc's errors at the first place whose discs are like it, and by how many pitches that turns it.
+
+    Parameters
+    ----------
+    disc : MeasuredPart
+    reducer : Reducer
+
+    Returns
+    -------
+    disc : MeasuredPart
+    turn : int
+    """
+    first = places_of(reducer, "disc")[disc.made_for].made_for
+    turn = disc_turns(reducer, disc.made_for, first)[0]
+    errors = tuple(
+        replace(error, indices={name: value for name, value in error.indices.items() if name != "disc"})
+        for error in mounted(disc, reducer, first, turn)
+    )
+    return replace(disc, errors=errors, made_for=first), turn
+
+
+def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) -> Effect:
+    """One error, its part turned: features that are counted go to other places, vectors and waves turn."""
+    counted = [name for name in shifts if name in error.indices]
+    if counted:
+        moved: dict[str, IndexValue] = dict(error.indices)
+        for name in counted:
+            by, count = shifts[name]
+            if isinstance(before := moved[name], int):  # "all" stays
+                moved[name] = (before + by) % count
+        return replace(error, indices=moved)
+    if error.key == LOBE_PROFILE:  # from root to root, alike on all lobes
+        return error
+    names = [parameter.name for parameter in source(error.key).parameters]
+    waves = int(error.indices.get("harmonic", 1))
+    values = list(error.values)
+    for x, y in ((names.index(a), names.index(b)) for a, b in _VECTORS if a in names):
+        turned = complex(values[x], values[y]) * cmath.exp(1j * waves * angle)
+        values[x], values[y] = turned.real, turned.imag
+    return replace(error, values=tuple(values))

@@ -27,8 +27,7 @@ from rverror.parts.parts_table import Finding, collected, is_parts_table, read_p
 from rverror.runs.bench.columns import BenchFile, as_samples
 from rverror.runs.bench.file import found_entry, left_out_columns
 from rverror.runs.bench.mapping import BenchMapping, TextRules, Where
-from rverror.runs.bench.numerals import number_in
-from rverror.runs.bench.text import open_lines, open_text
+from rverror.runs.bench.text import number_in, open_lines, open_text
 from rverror.runs.bench.values import core_scale
 
 #: Endings of spreadsheets.

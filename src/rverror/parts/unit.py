@@ -20,8 +20,7 @@ from rverror.geartrain.source import rv
 from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error, transmission_error_by_effect
 from rverror.model.effects import Effect, Model, check_model
-from rverror.parts.measured import KINDS, MeasuredPart
-from rverror.parts.mounting import disc_turns, mounted, places_of
+from rverror.parts.measured import KINDS, MeasuredPart, disc_turns, mounted, places_of
 
 _DRAWN = 2000
 

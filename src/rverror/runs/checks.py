@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.numbers import count_of, way
 from rverror.geartrain.kinematics import motion_direction
 from rverror.runs.reading import Reading, check_needed, refuse
@@ -48,7 +47,7 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
         If the run cannot be used.
     """
     notes = list(reading.notes)
-    check_needed(reading.path, "columns", [*reading.columns, *reading.extra])
+    check_needed(reading.path, "columns", list(reading.columns))
     reading = _without_doubles(_usable_rows(reading, notes), notes)
     columns = dict(reading.columns)
     time = columns.get("time")
@@ -91,9 +90,8 @@ def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
 
 def _without_doubles(reading: Reading, notes: list[str]) -> Reading:
     """Leave out rows that repeat the one before in every column: they add weight, not knowledge."""
-    table = np.stack([*reading.columns.values(), *reading.extra.values()])
-    same = (table[:, 1:] == table[:, :-1]) | (np.isnan(table[:, 1:]) & np.isnan(table[:, :-1]))
-    new = np.concatenate([[True], ~same.all(axis=0)])
+    table = np.stack(list(reading.columns.values()))
+    new = np.concatenate([[True], (np.diff(table) != 0).any(axis=0)])
     count = int(np.count_nonzero(~new))
     if not count or np.count_nonzero(new) < LEAST_SAMPLES:  # a standstill is refused as such
         return reading
@@ -101,13 +99,9 @@ def _without_doubles(reading: Reading, notes: list[str]) -> Reading:
     return _picked(reading, new)
 
 
-def _picked(reading: Reading, rows: np.ndarray[Any, np.dtype[np.bool_]]) -> Reading:
-    return replace(
-        reading,
-        columns={name: values[rows] for name, values in reading.columns.items()},
-        extra={name: values[rows] for name, values in reading.extra.items()},
-        labels=reading.labels[rows],
-    )
+def _picked(reading: Reading, rows: Flags) -> Reading:
+    columns = {name: values[rows] for name, values in reading.columns.items()}
+    return replace(reading, columns=columns, labels=reading.labels[rows])
 
 
 def _check_time(reading: Reading, time: Array, notes: list[str]) -> None:

@@ -7,12 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base.arrays import Array
-
-Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
 
 #: Samples of one transition from level to level.
 WIDEST_SLIP = 3

@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, Index, LevelStep, Mask, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, LevelStep, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
@@ -100,8 +100,8 @@ class Faults:
     """
 
     theta: Array
-    kept: Mask
-    spikes: Index
+    kept: Flags
+    spikes: Integers
     sizes: Array
     slips: tuple[Slip, ...] = ()
     gaps: tuple[Gap, ...] = ()
@@ -118,7 +118,44 @@ class Faults:
 
     def notes(self) -> tuple[str, ...]:
         """One line for each kind of fault: how many, where, how large; empty for a clean run."""
-        return _notes(self)
+        lines = []
+        if self.spikes.size:
+            largest = float(np.max(np.abs(self.sizes))) / ARCSEC
+            upto = "up to " if self.spikes.size > 1 else ""
+            what = "sample" + ("s" if self.spikes.size > 1 else "")
+            lines.append(
+                f"{count_of(self.spikes.size, 'spike')} set aside ({what} {some(self.spikes.tolist())}, "
+                f"{upto}{brief(largest, 3)} arcsec)"
+            )
+        for slip in self.slips:
+            size = f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec"
+            place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
+            if slip.of_input:
+                lines.append(
+                    f"the counter of the input jumps at {place}, by {size} of the output: the angles behind it are "
+                    "wrong, so the shorter side is left out"
+                )
+            else:
+                lines.append(f"the reading slips by {size} at {place}: every later sample is shifted")
+        lost = [gap for gap in self.gaps if gap.samples]
+        if lost:
+            widest = max(lost, key=lambda gap: gap.span)
+            lines.append(
+                f"{count_of(len(lost), 'gap')}, {count_of(sum(gap.samples for gap in lost), 'sample')} missing "
+                f"(the widest, {brief(math.degrees(widest.span), 3)} deg, before sample {widest.index})"
+            )
+        for gap in self.gaps:
+            if not gap.samples:
+                by = f"{brief(math.degrees(-gap.span), 4)} deg"
+                lines.append(
+                    f"the angle jumps back by {by} at sample {gap.index}: two runs in one, or a counter that starts "
+                    "again"
+                )
+        if self.doubled:
+            lines.append(f"{count_of(self.doubled, 'doubled row')} left out")
+        for first, number in self.still:
+            lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
+        return tuple(lines)
 
 
 def find_faults(
@@ -218,7 +255,7 @@ def _series(theta: Array, error: Array) -> Faults:
     )
 
 
-def _again(values: Array) -> Mask:
+def _again(values: Array) -> Flags:
     """Where a value is that of the sample before."""
     return np.concatenate([[False], np.diff(values) == 0])
 
@@ -235,7 +272,7 @@ def _turned(theta: Array) -> list[int]:
     return [extreme + 1 for extreme in reversals(way, jitter)[0]]
 
 
-def _gaps(theta: Array, turned: Mask) -> list[Gap]:
+def _gaps(theta: Array, turned: Flags) -> list[Gap]:
     """Steps too long for their neighbours, and long steps back, of angles that all differ from the one before."""
     steps = np.diff(theta)
     size = np.abs(steps)
@@ -292,7 +329,7 @@ def _as_read(found: Faults, error: Array, stretch: slice) -> Faults:
     return _without_wrong_angles(_joined(found, FoundFaults({}, at_gaps), np.arange(error.size)), stretch)
 
 
-def _steps_at_gaps(pieces: list[Index], error: Array) -> tuple[LevelStep, ...]:
+def _steps_at_gaps(pieces: list[Integers], error: Array) -> tuple[LevelStep, ...]:
     """Steps over a gap that are three times what the error makes anywhere: what is less may be the gear's."""
     if len(pieces) < 2:
         return ()
@@ -347,7 +384,7 @@ def _in_noise(found: Faults, error: Array, stretch: slice) -> Faults:
     return _joined(found, have, samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)])
 
 
-def _grid(found: Faults, stretch: slice) -> tuple[Index, Index, list[tuple[int, int]]]:
+def _grid(found: Faults, stretch: slice) -> tuple[Integers, Integers, list[tuple[int, int]]]:
     """Samples kept, their places in a series of even steps, and its unbroken pieces.
 
     Where one to three samples are missing the series has a hole, longer gaps break it.
@@ -367,7 +404,7 @@ def _grid(found: Faults, stretch: slice) -> tuple[Index, Index, list[tuple[int, 
     return samples + stretch.start, place[samples], list(pairwise(edges))
 
 
-def _joined(found: Faults, have: FoundFaults, places: Index) -> Faults:
+def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
     """Add what a search has found; `places` are the samples it counts by."""
     if not have.off and not have.steps:
         return found
@@ -397,7 +434,7 @@ def _joined(found: Faults, have: FoundFaults, places: Index) -> Faults:
     )
 
 
-# --- what is said -----------------------------------------------------------------------------------------------------
+# --- what is refused --------------------------------------------------------------------------------------------------
 
 
 def _check(found: Faults, spikes: int = 0) -> None:
@@ -412,43 +449,3 @@ def _check(found: Faults, spikes: int = 0) -> None:
             f"the reading slips {slips} times, at most {BOUNDS.most_slips} times may be borne; check the coupling of "
             "the encoder and its counter, or where the load is light take a larger one, and measure again"
         )
-
-
-def _notes(found: Faults) -> tuple[str, ...]:
-    lines = []
-    if found.spikes.size:
-        largest = float(np.max(np.abs(found.sizes))) / ARCSEC
-        upto = "up to " if found.spikes.size > 1 else ""
-        what = "sample" + ("s" if found.spikes.size > 1 else "")
-        lines.append(
-            f"{count_of(found.spikes.size, 'spike')} set aside ({what} {some(found.spikes.tolist())}, "
-            f"{upto}{brief(largest, 3)} arcsec)"
-        )
-    for slip in found.slips:
-        size = f"{brief(slip.size / ARCSEC, 4)} +- {brief(slip.uncertainty / ARCSEC, 2)} arcsec"
-        place = f"sample {slip.index} ({brief(math.degrees(slip.theta), 6)} deg)"
-        if slip.of_input:
-            lines.append(
-                f"the counter of the input jumps at {place}, by {size} of the output: the angles behind it are wrong, "
-                "so the shorter side is left out"
-            )
-        else:
-            lines.append(f"the reading slips by {size} at {place}: every later sample is shifted")
-    lost = [gap for gap in found.gaps if gap.samples]
-    if lost:
-        widest = max(lost, key=lambda gap: gap.span)
-        lines.append(
-            f"{count_of(len(lost), 'gap')}, {count_of(sum(gap.samples for gap in lost), 'sample')} missing "
-            f"(the widest, {brief(math.degrees(widest.span), 3)} deg, before sample {widest.index})"
-        )
-    for gap in found.gaps:
-        if not gap.samples:
-            by = f"{brief(math.degrees(-gap.span), 4)} deg"
-            lines.append(
-                f"the angle jumps back by {by} at sample {gap.index}: two runs in one, or a counter that starts again"
-            )
-    if found.doubled:
-        lines.append(f"{count_of(found.doubled, 'doubled row')} left out")
-    for first, number in found.still:
-        lines.append(f"the angle stands still for {number} samples from sample {first}; one of them is kept")
-    return tuple(lines)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.runs.fault_bounds import (
     BOUNDS,
     ROUNDS,
     WIDEST_SLIP,
     FoundFaults,
-    Index,
     LevelStep,
-    Mask,
     blockwise,
     peaks,
     repeats,
@@ -211,7 +209,7 @@ class _Sides:
         after[:, : windows.shape[0]] = _applied(self._after, windows)
         return before, after
 
-    def along(self, coefficients: Array, k: Index, x: Array) -> Array:
+    def along(self, coefficients: Array, k: Integers, x: Array) -> Array:
         """Values of the parabolas of samples k at places x."""
         a, b, c = coefficients[:, k]
         d = x - self.at[k]
@@ -290,7 +288,7 @@ def _rises(sides: _Sides, values: Array) -> Array:
     return rises
 
 
-def _score(size: Array, usual: Array, able: Mask, floor: float, bound: float) -> Array:
+def _score(size: Array, usual: Array, able: Flags, floor: float, bound: float) -> Array:
     """Size against the scatter of what is usual, where above a floor and a bound, else 0."""
     spread = np.maximum(*blockwise(usual, _BLOCK, scatter))
     sure = able & (np.abs(size) > floor) & (np.abs(size) > bound * spread)

@@ -9,15 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.chance import chi_square
 from rverror.runs.fault_bounds import (
     BOUNDS,
     ROUNDS,
     FoundFaults,
-    Index,
     LevelStep,
-    Mask,
     blockwise,
     peaks,
     repeats,
@@ -43,7 +41,7 @@ _DOUBT = 6.0
 def faults_in_noise(
     theta: Array,
     values: Array,
-    good: Mask,
+    good: Flags,
     pieces: Sequence[tuple[int, int]],
     known: Sequence[int],
     floor: float,
@@ -133,7 +131,7 @@ class _Colour:
     spread: Array
 
 
-def _colour(values: Array, good: Mask, pieces: Sequence[tuple[int, int]]) -> _Colour:
+def _colour(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _Colour:
     """Autocovariance of blocks about their means, large values cut, wild blocks left out."""
     order = min(_ORDER, int(np.count_nonzero(good)) // 8)
     sums: list[list[float]] = []
@@ -185,12 +183,12 @@ class _Whitened:
     values: Array
     level: Array
     trend: Array
-    good: Mask
+    good: Flags
     louder: Array
     filter: Array
 
 
-def _whitened(values: Array, good: Mask, pieces: Sequence[tuple[int, int]], colour: _Colour) -> _Whitened:
+def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]], colour: _Colour) -> _Whitened:
     order = colour.spread.size - 1
     rows = np.stack([values, np.ones(values.size), np.linspace(-1, 1, values.size)])
     out = np.zeros_like(rows)
@@ -235,7 +233,7 @@ class _Scores:
     spread: Array
     score: Array
     threshold: float
-    length: Index
+    length: Integers
 
 
 def _spike_scores(white: _Whitened, tests: int) -> _Scores:
@@ -306,7 +304,7 @@ def _ahead(values: Array, kernel: Array) -> Array:
     return np.asarray(np.convolve(values, kernel[::-1])[kernel.size - 1 :], dtype=np.float64)
 
 
-def _between(values: Array, first: Index, last: Index) -> Array:
+def _between(values: Array, first: Integers, last: Integers) -> Array:
     """Sum of the values from one place to before another."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     return np.asarray(total[last] - total[np.minimum(first, last)], dtype=np.float64)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
@@ -34,7 +33,6 @@ from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
 from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
-    COLUMN_NAME,
     COLUMNS,
     HEADER_KEYS,
     HEADER_LINE,
@@ -46,7 +44,6 @@ from rverror.runs.reading import (
     header_lines,
     refuse,
     row_of,
-    torque_column,
 )
 
 __all__ = [
@@ -56,7 +53,6 @@ __all__ = [
     "run_from_arrays",
     "run_text",
     "smooth_direction",
-    "torque_column",
     "write_run",
 ]
 
@@ -87,6 +83,8 @@ class Run(OfFile, Viewed):
         Size of the output torque, N*mm; None where it changes over the turn.
     load_column : ndarray, shape (n,), optional
         Output torque as read where it changes over the turn, N*mm: positive where it resists forward motion.
+    torque_record : ndarray, shape (n,), optional
+        Torque that a record of one angle holds in place of an error, N*mm.
     temperature : float, optional
         K.
     index : str
@@ -95,8 +93,6 @@ class Run(OfFile, Viewed):
         Every header key, as written.
     notes : tuple of str
         What was left out, changed or noticed, counted.
-    extra : mapping of str to ndarray
-        Other columns in their own unit, by their name as written; NaN where a cell holds no number.
 
     Notes
     -----
@@ -112,11 +108,11 @@ class Run(OfFile, Viewed):
     time: Array | None = None
     torque: float | None = None
     load_column: Array | None = None
+    torque_record: Array | None = None
     temperature: float | None = None
     index: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    extra: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -327,7 +323,7 @@ def run_from_arrays(
     temperature: Any | None = None,
     index: str = "",
     metadata: Mapping[str, str] | None = None,
-    extra: Mapping[str, Any] | None = None,
+    torque_record: Any | None = None,
     ratio: Reducer | Drive | Model | float | None = None,
 ) -> Run:
     """Make a run in memory, with the checks of a run file.
@@ -345,8 +341,8 @@ def run_from_arrays(
     index : str, optional
         Label of the zero.
     metadata : mapping of str to str, optional
-    extra : mapping of str to array_like, optional
-        Other columns.
+    torque_record : array_like or quantity, shape (n,), optional
+        Beside one angle, in place of an error; plain numbers are N*mm.
     ratio : Reducer, Drive, Model or float, optional
         As in `load_run`.
 
@@ -369,9 +365,9 @@ def run_from_arrays(
     size: Any = getattr(torque, "magnitude", torque)
     column = torque if np.ndim(size) else None
     given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time, "output_torque": column}
+    given["torque"] = torque_record
     columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
-    others = {name: row_of(name, value) for name, value in (extra or {}).items()}
-    sizes = {name: values.size for name, values in (columns | others).items()}
+    sizes = {name: values.size for name, values in columns.items()}
     check_lengths("", sizes, "give all the same number of samples")
     stated = STATED.get(direction) if isinstance(direction, str) else float(direction)
     if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
@@ -379,7 +375,6 @@ def run_from_arrays(
     reading = Reading(
         path="",
         columns=columns,
-        extra=others,
         labels=np.arange(next(iter(sizes.values()), 0)),
         noun="sample",
         stated=stated,
@@ -436,12 +431,9 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
         "output_angle[deg]": None if run.output_angle is None else np.rad2deg(run.output_angle),
         "te[arcsec]": None if run.te_column is None else run.te_column / units.ARCSEC,
         "output_torque[N*m]": None if run.load_column is None else run.load_column / 1e3,
+        "torque[N*m]": None if run.torque_record is None else run.torque_record / 1e3,
     }
-    table = {name: values for name, values in (columns | dict(run.extra)).items() if values is not None}
-    for name in run.extra:
-        match = COLUMN_NAME.match(name)
-        if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", name):
-            refuse(path, f"the column name {shown(name)} would not read back; use a plain word and [unit]")
+    table = {name: values for name, values in columns.items() if values is not None}
     body = io.StringIO()
     np.savetxt(body, np.column_stack(list(table.values())), fmt="%.15g", delimiter=",")
     return "\n".join([*head, ",".join(table), body.getvalue()])
@@ -459,11 +451,11 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
         time=reading.columns.get("time"),
         torque=torque,
         load_column=column,
+        torque_record=reading.columns.get("torque"),
         temperature=reading.temperature,
         index=reading.index,
         metadata=reading.metadata,
         notes=(*reading.notes, *told),
-        extra=reading.extra,
     )
     if ratio is not None:
         run.nominal_angle(ratio)  # refuses a ratio that contradicts the angles

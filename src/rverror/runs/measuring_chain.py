@@ -37,8 +37,6 @@ class UncertaintyPart:
         How far it may move a figure, rad.
     distribution : str
         ``"even"`` between the limits, or ``"sine"`` of unknown phase.
-    standard : float
-        Standard uncertainty, rad: the limit over the divisor.
     order : float
         The order per output turn that a wave has, or of which the orders of a curve are whole multiples: a shaft's
         reading repeats with that shaft.
@@ -47,13 +45,17 @@ class UncertaintyPart:
     name: str
     limit: float
     distribution: str
-    standard: float
     order: float
 
     @property
     def divisor(self) -> float:
         """Limit over standard uncertainty."""
         return _DIVISORS[self.distribution]
+
+    @property
+    def standard(self) -> float:
+        """Standard uncertainty, rad."""
+        return self.limit / self.divisor
 
     def reaches(self, order: float) -> bool:
         """Whether the part can have an order."""
@@ -73,18 +75,8 @@ class BenchUncertainty:
 
     parts: tuple[UncertaintyPart, ...]
 
-    @property
-    def standard(self) -> float:
-        """Combined standard uncertainty of the error at one angle, rad."""
-        return math.hypot(*(one.standard for one in self.parts))
-
-    @property
-    def expanded(self) -> float:
-        """Half of the 95 % interval of the error at one angle, rad: k = 2 times the standard uncertainty."""
-        return COVERAGE * self.standard
-
     def of(self, figure: Figure) -> float:
-        """Expanded uncertainty, k = 2, of a figure of the whole waveform, rad.
+        """Expanded uncertainty, k = 2, of a figure, rad: half of its 95 % interval; a reading is of one angle.
 
         Parameters
         ----------
@@ -126,11 +118,7 @@ class BenchUncertainty:
 
 
 def _for_figure(parts: tuple[UncertaintyPart, ...], figure: str) -> tuple[UncertaintyPart, ...]:
-    most = _MOST[figure]
-    return tuple(
-        replace(one, limit=one.limit * most[one.distribution], standard=one.standard * most[one.distribution])
-        for one in parts
-    )
+    return tuple(replace(one, limit=one.limit * _MOST[figure][one.distribution]) for one in parts)
 
 
 def _expanded(parts: tuple[UncertaintyPart, ...]) -> float:
@@ -170,7 +158,7 @@ def bench_uncertainty(ratio: float, **encoders: Any) -> BenchUncertainty:
     --------
     >>> from rverror.base.units import ARCSEC
     >>> found = bench_uncertainty(121, output_encoder="1.24 arcsec", input_encoder="0.39 arcsec")
-    >>> round(found.expanded / ARCSEC, 2), round(found.of("peak_to_peak") / ARCSEC, 2)
+    >>> round(found.of("reading") / ARCSEC, 2), round(found.of("peak_to_peak") / ARCSEC, 2)
     (1.43, 2.86)
     >>> round(found.of_order(1) / ARCSEC, 2), found.of_order(11.3)
     (1.82, 0.0)
@@ -216,7 +204,7 @@ def uncertainty_of(encoders: Encoders, ratio: float) -> BenchUncertainty | None:
         ("input counts", math.pi / counts[1] / turns, "even", turns),
     ]
     parts = [
-        UncertaintyPart(name=name, limit=limit, distribution=kind, standard=limit / _DIVISORS[kind], order=order)
+        UncertaintyPart(name=name, limit=limit, distribution=kind, order=order)
         for name, limit, kind, order in listed
         if limit
     ]

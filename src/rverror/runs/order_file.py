@@ -1,4 +1,4 @@
-"""Order tables as text and from arrays: ``# kind: orders`` above a run file's kind of rows, each one wave.
+"""Order tables as text: ``# kind: orders`` above a run file's kind of rows, each one wave.
 
 Units in brackets.  Whatever is wrong is refused in one line, or, where the rest is usable, left out and counted in
 `notes`.
@@ -9,22 +9,29 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any, NoReturn
 
 import numpy as np
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
-from rverror.base.errors import InputError, check_kind
+from rverror.base.errors import check_kind
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, split_lines, write_text
-from rverror.runs import reading
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.bench.order_rows import KIND, ORDER_KEYS, check_order_columns, read_order_rows
+from rverror.runs.bench.order_rows import KIND, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
-from rverror.runs.reading import HEADER_LINE, ORDER_COLUMNS, ORDER_CONDITIONS, ORDER_EXAMPLES, OrderRows, header_lines
+from rverror.runs.reading import (
+    HEADER_LINE,
+    ORDER_COLUMNS,
+    ORDER_CONDITIONS,
+    ORDER_EXAMPLES,
+    ORDER_KEYS,
+    OrderRows,
+    check_lengths,
+    header_lines,
+    refuse,
+)
 
 #: Attribute of a condition that has the number of a column.
 _ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
@@ -73,7 +80,7 @@ def refuse_order_file(path: PathLike) -> None:
         If the file is one.
     """
     if is_order_file(path):
-        reading.refuse(str(path), "an order table holds no samples, and only diagnose takes one; give a run file here")
+        refuse(str(path), "an order table holds no samples, and only diagnose takes one; give a run file here")
 
 
 def load_orders(path: PathLike, mapping: PathLike | BenchMapping | None = None) -> OrderTable:
@@ -232,110 +239,13 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     return sigma
 
 
-def _note_left_out(rows: OrderRows, left: np.ndarray[Any, np.dtype[np.bool_]], notes: list[str]) -> None:
+def _note_left_out(rows: OrderRows, left: Flags, notes: list[str]) -> None:
     count = int(np.count_nonzero(left))
     if count == left.size:
         listed = f" {rows.listed(left)}" if count else ""
         rows.refuse(f"no usable rows{listed}; give 1 or more with a number in every column")
     if count:
         notes.append(f"{count_of(count, 'row')} without a number left out {rows.listed(left)}")
-
-
-_IN_MEMORY = "order table"
-
-
-def _refuse(path: str, message: str) -> NoReturn:
-    reading.refuse(path or _IN_MEMORY, message)
-
-
-# --- tables in memory -------------------------------------------------------------------------------------------------
-
-
-def orders_from_arrays(
-    *,
-    direction: Any,
-    order: Any,
-    amplitude: Any | None = None,
-    phase: Any | None = None,
-    cos: Any | None = None,
-    sin: Any | None = None,
-    sigma: Any | None = None,
-    torque: Any | None = None,
-    input_speed: Any | None = None,
-    temperature: Any | None = None,
-    index: str = "",
-    metadata: Mapping[str, str] | None = None,
-) -> OrderTable:
-    """Make an order table in memory, with the checks of a file.
-
-    Parameters
-    ----------
-    direction : {"forward", "reverse"} or +1 or -1, or sequence of them, shape (n,)
-        One for all rows, or one for each.
-    order : array_like, shape (n,)
-        Waves per output turn.
-    amplitude, phase : array_like or quantity, shape (n,), optional
-        The error is the sum of amplitude cos(order theta + phase); plain numbers are rad.
-    cos, sin : array_like or quantity, shape (n,), optional
-        Sizes of cos(order theta) and sin(order theta), in place of amplitude and phase.
-    sigma : array_like or quantity, shape (n,), optional
-        Standard deviation of either size.
-    torque, input_speed, temperature : float, str or quantity, or array_like of shape (n,), optional
-        One for all rows, or one for each; plain numbers are N*mm, rad/s and K.
-    index : str, optional
-        Label of the zero, as a run has it.
-    metadata : mapping of str to str, optional
-
-    Returns
-    -------
-    OrderTable
-
-    Raises
-    ------
-    InputError
-        If the values cannot be used.
-
-    Examples
-    --------
-    >>> table = orders_from_arrays(direction="forward", torque="20 N*m", order=[40, 39], cos=[2e-5, 1e-5], sin=[0, 0])
-    >>> table.cases[0].orders, table.cases[0].condition.torque
-    (array([39., 40.]), 20000.0)
-    """
-    conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
-    waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
-    row_of = partial(reading.row_of, path=_IN_MEMORY, of="numbers")
-    columns = {name: row_of(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
-    check_order_columns(_IN_MEMORY, "columns", columns)
-    stated = {}
-    for name, value in conditions.items():
-        if value is None:
-            continue
-        if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
-            try:
-                stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
-            except ValueError as error:
-                _refuse("", f"{_ATTRIBUTES[name]}: {error}")
-        else:
-            columns[name] = row_of(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
-    single = isinstance(direction, str) or np.ndim(direction) == 0
-    count = columns["order"].size
-    try:
-        signs = direction_signs([direction] * count if single else list(direction)).tolist()
-    except InputError as error:
-        _refuse("", str(error))
-    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
-    reading.check_lengths(_IN_MEMORY, sizes, "give all the same number of rows")
-    rows = OrderRows(
-        path="",
-        labels=tuple(range(count)),
-        noun="row",
-        directions=tuple(signs),
-        columns=columns,
-        stated=stated,
-        index=index,
-        metadata=dict(metadata or {}),
-    )
-    return _table(rows)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -380,7 +290,9 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
 
     Examples
     --------
-    >>> table = orders_from_arrays(direction="reverse", torque="20 N*m", order=[40.0], cos=[0.0], sin=[-1e-5])
+    >>> condition = TableCondition(direction=-1.0, torque=20e3)
+    >>> case = OrderCase(condition=condition, orders=np.array([40.0]), waves=np.array([1e-5j]))
+    >>> table = OrderTable(cases=(case,))
     >>> print(orders_text(table), end="")
     # kind: orders
     direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]
@@ -388,7 +300,8 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     """
     values = {"kind": KIND} | ({"index": table.index} if table.index else {})
     values |= {key: value for key, value in table.metadata.items() if key.lower() not in ORDER_KEYS}
-    head = [*header_lines(path or _IN_MEMORY, values), *(f"# {comment}" for comment in comments)]
+    path = path or OrderRows.made_in
+    head = [*header_lines(path, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
     cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
     for name, numbers in columns.items():
@@ -410,7 +323,7 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
         missing = sum(value is None for value in values)
         if 0 < missing < len(cases):
             what = _ATTRIBUTES.get(name, name)
-            _refuse(
+            refuse(
                 path,
                 f"{missing} of {len(cases)} cases have no {what}, others have; complete them, or write a file of each "
                 "kind",
@@ -428,7 +341,7 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
     if "sigma" in columns:
         columns["sigma"] = columns.pop("sigma")  # the last column
     sizes = {name: values.size for name, values in columns.items()}
-    reading.check_lengths(path or _IN_MEMORY, sizes, "give each order one wave and one sigma")
+    check_lengths(path, sizes, "give each order one wave and one sigma")
     direction_signs([case.condition.direction for case in table.cases])
     rows = OrderRows(
         path="",
@@ -438,6 +351,6 @@ def _written(path: str, table: OrderTable) -> dict[str, Array]:
         columns=columns,
     )
     if not all(np.isfinite(values).all() for values in columns.values()):
-        _refuse(path, "the table holds values that are not finite; leave those orders out")
+        refuse(path, "the table holds values that are not finite; leave those orders out")
     _table(rows)
     return columns

@@ -3,71 +3,58 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown, some, split_lines
 
-#: Dimension of each known column.
-COLUMNS = {
-    "input_angle": "angle",
-    "output_angle": "angle",
-    "te": "angle",
-    "time": "time",
-    "output_torque": "torque",
+#: Dimension of each known column, and the unit in which people write it.
+_COLUMNS = {
+    "input_angle": ("angle", "deg"),
+    "output_angle": ("angle", "deg"),
+    "te": ("angle", "arcsec"),
+    "time": ("time", "s"),
+    "output_torque": ("torque", "N*m"),
+    "torque": ("torque", "N*m"),
 }
-#: Those of them that hold no angle.
-BESIDE_ANGLES = ("time", "output_torque")
+COLUMNS, EXAMPLES = ({name: both[which] for name, both in _COLUMNS.items()} for which in (0, 1))
 #: Columns of a bench that are integrated over time, and the columns that they make.
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
-#: Unit in which people write it.
-EXAMPLES = {"input_angle": "deg", "output_angle": "deg", "te": "arcsec", "time": "s", "output_torque": "N*m"}
 #: Dimension and unit of every column of a bench that a mapping may name.
 BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
 BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
+#: The same of each column of numbers of an order table: conditions, then what is told of a wave.  Orders have neither.
+_ORDER_COLUMNS = {
+    "input_speed": ("angular_speed", "rpm"),
+    "temperature": ("temperature", "degC"),
+    "output_torque": ("torque", "N*m"),
+    "order": ("", ""),
+    "amplitude": ("angle", "arcsec"),
+    "phase": ("angle", "deg"),
+    "cos": ("angle", "arcsec"),
+    "sin": ("angle", "arcsec"),
+    "sigma": ("angle", "arcsec"),
+}
+ORDER_COLUMNS, ORDER_EXAMPLES = ({name: both[which] for name, both in _ORDER_COLUMNS.items()} for which in (0, 1))
 #: Dimension of each condition of an order table that is a number.
-ORDER_CONDITIONS = {"input_speed": "angular_speed", "temperature": "temperature", "output_torque": "torque"}
-#: Dimension of each column of numbers of an order table; orders have none.
-ORDER_COLUMNS = {
-    **ORDER_CONDITIONS,
-    "order": "",
-    "amplitude": "angle",
-    "phase": "angle",
-    "cos": "angle",
-    "sin": "angle",
-    "sigma": "angle",
-}
-#: Unit in which people write it.
-ORDER_EXAMPLES = {
-    "input_speed": "rpm",
-    "temperature": "degC",
-    "output_torque": "N*m",
-    "order": "",
-    "amplitude": "arcsec",
-    "phase": "deg",
-    "cos": "arcsec",
-    "sin": "arcsec",
-    "sigma": "arcsec",
-}
+ORDER_CONDITIONS = {name: ORDER_COLUMNS[name] for name in ("input_speed", "temperature", "output_torque")}
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
-#: Those, and the ones of order tables.
-KNOWN_KEYS = ("kind", *HEADER_KEYS, "input_speed")
+#: Those that have one in order tables.
+ORDER_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 #: What may be stated of the direction.
 STATED = {**DIRECTIONS, "mixed": 0.0}
 #: Name of a column, with its unit in brackets or without.
 COLUMN_NAME = re.compile(r"([^\[\]]*?)\s*(?:\[([^\[\]]*)\])?$")
 #: A line of the header.
 HEADER_LINE = re.compile(r"#+\s*([A-Za-z_][\w .\-/]*?)\s*:\s*(.*?)\s*$")
-_TORQUE = re.compile(r"torque\s*\[[^\[\]]+\]", re.IGNORECASE)
 
 
 def bare_name(name: str) -> str:
@@ -141,7 +128,7 @@ class Rows(OfFile):
         """Place of a row, for messages."""
         return f"{self.noun} {self.labels[row]}"
 
-    def listed(self, rows: npt.NDArray[np.intp] | npt.NDArray[np.bool_] | list[int]) -> str:
+    def listed(self, rows: Integers | Flags | list[int]) -> str:
         """The first of some rows, by their numbers or a mask, in brackets, for messages.
 
         Examples
@@ -186,8 +173,6 @@ class Reading(Rows, Header):
         File, as given; empty where the run was made in memory.
     columns : mapping of str to ndarray, shape (n,)
         Known columns, rad, s and N*mm.
-    extra : mapping of str to ndarray, shape (n,)
-        Others, in their own unit.
     labels : ndarray of int, shape (n,)
         What messages call each row.
     noun : str
@@ -196,7 +181,6 @@ class Reading(Rows, Header):
 
     path: str
     columns: Mapping[str, Array]
-    extra: Mapping[str, Array] = field(default_factory=dict)
     labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
     notes: tuple[str, ...] = ()
@@ -278,7 +262,7 @@ def checked_value(path: str, what: str, number: float, dimension: str) -> float:
     return abs(number) if dimension == "torque" else number
 
 
-def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: str = "samples") -> Array:
+def row_of(name: str, value: Any, dimension: str) -> Array:
     """One column given in memory, core units; values that are not finite stay for the check of the rows.
 
     Parameters
@@ -286,9 +270,6 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
     name : str
     value : array_like or quantity, shape (n,)
     dimension : str
-        Empty for plain numbers.
-    path, of : str
-        What the message calls the whole, and the values.
 
     Raises
     ------
@@ -296,17 +277,17 @@ def row_of(name: str, value: Any, dimension: str = "", *, path: str = "", of: st
         If it is no row of numbers, or its unit is of another dimension.
     """
     factor, zero = 1.0, 0.0
-    if dimension and units.is_quantity(value):
+    if units.is_quantity(value):
         try:
             factor, zero = units.unit_scale(str(value.units), dimension)
         except ValueError as error:
-            refuse(path, f"{name}: {error}")
+            refuse("", f"{name}: {error}")
     try:
         array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
     except (TypeError, ValueError):
-        refuse(path, f"{name} holds something that is no number; give an array of numbers or a quantity")
+        refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
     if array.ndim != 1:
-        refuse(path, f"{name} has the shape {array.shape}; give one row of {of}")
+        refuse("", f"{name} has the shape {array.shape}; give one row of samples")
     with np.errstate(over="ignore"):  # what overflows is left out later, and counted
         return np.asarray(array * factor + zero, dtype=np.float64)
 
@@ -329,17 +310,6 @@ def check_lengths(path: str, sizes: Mapping[str, int], remedy: str) -> None:
         refuse(path, f"the columns differ in length ({listed}); {remedy}")
 
 
-def torque_column(names: Iterable[str]) -> str | None:
-    """Name of the column that makes a run of one angle a torque record, like ``torque[N*m]``; None where there is none.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names of columns, with units.
-    """
-    return next((name for name in names if _TORQUE.fullmatch(name)), None)
-
-
 def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "") -> None:
     """Refuse columns that hold no transmission error and are no torque record.
 
@@ -348,7 +318,7 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     where : str
         Place in the file, for the message.
     names : sequence of str
-        Of all columns: known ones bare, others with their unit.
+        Of all columns: known ones bare, others as written.
     otherwise : str
         Another remedy, for the end of the message.
 
@@ -356,8 +326,8 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     ------
     InputError
     """
-    have = [name for name in names if name in COLUMNS and name not in BESIDE_ANGLES]
-    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and torque_column(names) is not None):
+    have = [name for name in names if COLUMNS.get(name) == "angle"]
+    if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and "torque" in names):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
     likely = [f"{name}[{EXAMPLES[name]}]" for name in missing]

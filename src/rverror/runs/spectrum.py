@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,32 +16,7 @@ _MOST_MULTIPLE = 30
 _SAMPLED = 0.95  # of the Nyquist order: a wave of nearly two samples is a beat that uneven steps tear apart
 
 
-@dataclass(frozen=True)
-class Revolutions:
-    """Whole periods of a run on one grid of angles.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (n,)
-        Nominal output angle of the first period, rad, growing.
-    values : ndarray, shape (periods, n)
-        The signal of each period.
-    turns : int
-        Output turns of one period.
-    left_out : int
-        Samples beyond the last whole period.
-    resampled : bool
-        Whether the samples had to be interpolated onto the grid.
-    """
-
-    theta: Array
-    values: Array
-    turns: int
-    left_out: int
-    resampled: bool
-
-
-def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
+def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, Array]:
     """Cut a run into whole periods.
 
     Samples that already lie on an even grid that fits the period are only reshaped; others are interpolated linearly
@@ -56,6 +30,13 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
         The signal.
     turns : int
         Output turns after which the drive stands as before.
+
+    Returns
+    -------
+    theta : ndarray, shape (n,)
+        Nominal output angle of the first period, rad, growing.
+    values : ndarray, shape (periods, n)
+        The signal of each period; samples beyond the last whole one are left out.
 
     Raises
     ------
@@ -77,11 +58,10 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> Revolutions:
     used = count * points
     even = angle[0] + period / points * np.arange(used)
     if used <= angle.size and np.abs(angle[:used] - even).max() < 1e-3 * step:
-        return Revolutions(grid, signal[:used].reshape(count, points), turns, angle.size - used, resampled=False)
+        return grid, signal[:used].reshape(count, points)
     # the last point lies beyond the last sample by half a step at most, and takes its value
     unique, first = np.unique(angle, return_index=True)
-    resampled = np.interp(even, unique, signal[first]).reshape(count, points)
-    return Revolutions(grid, resampled, turns, int((angle > even[-1]).sum()), resampled=True)
+    return grid, np.interp(even, unique, signal[first]).reshape(count, points)
 
 
 def harmonics(values: Array) -> Array:
@@ -127,13 +107,6 @@ def noise_spectrum(values: Array) -> Array:
     half = np.clip(at // 4, 4, 40)
     low, high = np.maximum(at - half, 0), np.minimum(at + half + 1, spread.size)
     return np.asarray((total[high] - total[low]) / (high - low), dtype=np.float64)
-
-
-def noise_rms(values: Array) -> float:
-    """Standard deviation of what differs between periods; `values` as in `noise_spectrum`."""
-    about_mean = values - values.mean(axis=1, keepdims=True)
-    spread = about_mean - about_mean.mean(axis=0)
-    return float(np.sqrt((spread**2).sum() / ((len(values) - 1) * values.shape[1])))
 
 
 def highest_order(angles: Sequence[Array]) -> float:

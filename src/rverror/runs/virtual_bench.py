@@ -7,9 +7,8 @@ coloured noise, and each encoder rounds to its counts.
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.numbers import way
-from rverror.base.text import shown
+from rverror.base.quantities import COUNT, Checked, NumberField, quantity
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Conditions, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, doubt_torque
@@ -38,12 +37,7 @@ DEFAULT_SEED = 0
 SHARED_INDEX = "simulated"
 
 _LARGEST = 5_000_000
-_TORQUES = (0.0, 1e9)  # N*m
-_NOISE = (0.0, 180.0)  # deg: no bench is worse
-_LAGS = (0.0, 36_000.0)  # deg: longer than a run that can be diagnosed, so a constant
-_SPEEDS = (1e-6, 1e6)  # deg/s: beyond, times have no digits left
-_COUNTS = (1, 10**12)
-_SEEDS = (0, 2**128 - 1)  # all that numpy's pool of entropy holds
+_TORQUE = NumberField("torque", "20 N*m", least=0.0, most=1e12)
 _AT_ONCE = 4096  # angles solved together: bounds the memory
 
 
@@ -135,14 +129,7 @@ def simulate_runs(
     directions: Sequence[Direction] = ("forward", "reverse"),
     torques: Sequence[Any] = (),
     points: int | None = None,
-    revolutions: int = 1,
-    method: str = "closed",
-    noise: Any | None = None,
-    correlation: Any | None = None,
-    input_counts: int | None = None,
-    output_counts: int | None = None,
-    seed: int | None = None,
-    output_speed: Any | None = None,
+    **settings: Any,
 ) -> tuple[Run, ...]:
     """Compute the runs of one session on the bench: every torque in every direction.
 
@@ -152,8 +139,11 @@ def simulate_runs(
     directions : sequence of {"forward", "reverse"} or +1 or -1
     torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
-    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, output_speed : optional
+    points : int, optional
         As in `simulate`.
+    **settings
+        The others of `simulate`: revolutions, method, noise, correlation, input_counts, output_counts, seed,
+        output_speed.
 
     Returns
     -------
@@ -178,32 +168,21 @@ def simulate_runs(
     unit = model.mechanism
     if points is None:
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
-    if points < 16:
-        raise InputError(f"points = {points}: must be 16 or more per output turn")
-    if revolutions < 1:
-        raise InputError(f"revolutions = {revolutions}: must be 1 or more")
-    if points * revolutions > _LARGEST:
-        raise InputError(f"points * revolutions = {points * revolutions}: must be {_LARGEST} or fewer; ask for fewer")
-    if method not in ("closed", "equilibrium"):
-        raise InputError(f"method = {method!r}: must be 'closed' or 'equilibrium'")
-    sizes = [_torque(unit, torque, method) for torque in torques] or [None]
-    if noise is None and correlation is not None:
-        raise InputError("noise correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
-    bench = _Bench(
-        points=points,
-        turns=revolutions,
-        method=method,
-        noise=_bounded("noise", noise, "angle", "0.3 arcsec", bounds=_NOISE, unit="deg") or 0.0,
-        correlation=_bounded("noise correlation", correlation, "angle", "2 deg", bounds=_LAGS, unit="deg") or 0.0,
-        input_counts=_whole("input counts", input_counts, bounds=_COUNTS),
-        output_counts=_whole("output counts", output_counts, bounds=_COUNTS),
-        seed=_whole("seed", seed, bounds=_SEEDS) or DEFAULT_SEED,
-        speed=_bounded("output_speed", output_speed, "angular_speed", "10 deg/s", bounds=_SPEEDS, unit="deg/s"),
-    )
+    given = {name: value for name, value in settings.items() if value is not None}
+    try:
+        bench = _Bench(points=points, **given)
+        sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
+    except ValueError as problem:
+        raise InputError(str(problem)) from problem
+    if "correlation" in given and "noise" not in given:
+        raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
+    samples = points * bench.revolutions
+    if samples > _LARGEST:
+        raise InputError(f"points * revolutions = {samples}: must be {_LARGEST} or fewer; ask for fewer")
     timed = [effect.key for effect in model.effects if "time" in source(effect.key).needs]
-    if timed and bench.speed is None:
+    if timed and bench.output_speed is None:
         raise InputError(f"{timed[0]} needs time; give a speed, e.g. --speed '10 deg/s', or remove the effect")
-    if method == "equilibrium":
+    if bench.method == "equilibrium":
         if not isinstance(unit, Reducer):
             raise InputError("method = equilibrium: a [drive] has no geometry; use --method closed")
         if None in sizes:
@@ -283,19 +262,34 @@ def quantised(angle: Array, counts: int) -> Array:
     return np.asarray((np.rint(angle / (2 * math.pi) * counts) + 0.0) * (2 * math.pi) / counts, dtype=np.float64)
 
 
+_COUNTS = quantity(COUNT, least=1, most=10**12)
+
+
 @dataclass(frozen=True, kw_only=True)
-class _Bench:
+class _Bench(Checked):
     """What the bench adds to a run, core units."""
 
-    points: int
-    turns: int
-    method: str
-    noise: float
-    correlation: float
-    input_counts: int | None
-    output_counts: int | None
-    seed: int
-    speed: float | None
+    points: int = field(metadata=quantity(COUNT, least=16))
+    revolutions: int = field(default=1, metadata=quantity(COUNT, least=1))
+    method: str = "closed"
+    #: No bench is worse than half a turn.
+    noise: float = field(default=0.0, metadata=quantity("angle", "0.3 arcsec", least=0.0, most=math.pi))
+    #: Longer than a run that can be diagnosed, it is a constant.
+    correlation: float = field(default=0.0, metadata=quantity("angle", "2 deg", least=0.0, most=200 * math.pi))
+    input_counts: int | None = field(default=None, metadata=_COUNTS)
+    output_counts: int | None = field(default=None, metadata=_COUNTS)
+    #: As much as numpy's pool of entropy holds.
+    seed: int = field(default=DEFAULT_SEED, metadata=quantity(COUNT, least=0, most=2**128 - 1))
+    #: Beyond, times have no digits left.
+    output_speed: float | None = field(
+        default=None, metadata=quantity("angular_speed", "10 deg/s", least=1e-8, most=1e5)
+    )
+
+    def __post_init__(self) -> None:
+        """Convert to core units and check."""
+        if self.method not in ("closed", "equilibrium"):
+            raise InputError(f"method = {self.method!r}: must be 'closed' or 'equilibrium'")
+        super().__post_init__()
 
     @property
     def metadata(self) -> dict[str, str]:
@@ -309,48 +303,19 @@ class _Bench:
             keys["input counts"] = str(self.input_counts)
         if self.output_counts is not None:
             keys["output counts"] = str(self.output_counts)
-        if self.speed is not None:
-            keys["speed"] = f"{math.degrees(self.speed):.15g} deg/s"
+        if self.output_speed is not None:
+            keys["speed"] = f"{math.degrees(self.output_speed):.15g} deg/s"
         return keys
-
-
-def _bounded(
-    name: str, value: Any | None, dimension: str, example: str, *, bounds: tuple[float, float], unit: str
-) -> float | None:
-    """Value in core units, once it is between its bounds, which are in the unit named; None where none is given."""
-    if value is None:
-        return None
-    try:
-        size = units.to_core(value, dimension)
-    except (TypeError, ValueError) as problem:
-        reason = str(problem).partition(";")[0]
-        raise InputError(f"{name} = {shown(value)}: {reason}; write it like {example!r}") from problem
-    (least, most), printed = bounds, size / units.unit_factor(unit, dimension)
-    if not least <= printed <= most:
-        raise InputError(f"{name} = {printed:g} {unit}: must be {least:g} to {most:g} {unit}; correct it")
-    return size
-
-
-def _whole(name: str, value: Any | None, *, bounds: tuple[int, int]) -> int | None:
-    if value is None:
-        return None
-    try:
-        number = operator.index(value)
-    except TypeError as problem:
-        raise InputError(f"{name} = {shown(value)}: must be a whole number") from problem
-    least, most = bounds
-    if not least <= number <= most:
-        raise InputError(f"{name} = {shown(number)}: must be {least} to {most}")
-    return number
 
 
 def _torque(mechanism: Mechanism, value: Any | None, method: str) -> float | TorqueLaw | None:
     if callable(value):
         law: TorqueLaw = value
         return law
-    size = _bounded("torque", value, "torque", "20 N*m", bounds=_TORQUES, unit="N*m")
-    if size is not None:
-        doubt_torque(mechanism, value)
+    if value is None:
+        return None
+    size = _TORQUE.core("torque", value)
+    doubt_torque(mechanism, value)
     if size == 0 and method != "equilibrium":
         raise InputError(
             "torque = 0 N*m: must be above 0; the limit of no load needs --method equilibrium, or leave the torque out"
@@ -361,11 +326,11 @@ def _torque(mechanism: Mechanism, value: Any | None, method: str) -> float | Tor
 def _run(model: Model, bench: _Bench, index: str, direction: float, torque: float | TorqueLaw | None) -> Run:
     """One run; what is wrong with the arguments has been found before."""
     unit = model.mechanism
-    turn = 2 * math.pi * np.arange(bench.points * bench.turns) / bench.points
-    theta = turn if direction > 0 else 2 * math.pi * bench.turns - turn
-    time = None if bench.speed is None else turn / bench.speed
+    turn = 2 * math.pi * np.arange(bench.points * bench.revolutions) / bench.points
+    theta = turn if direction > 0 else 2 * math.pi * bench.revolutions - turn
+    time = None if bench.output_speed is None else turn / bench.output_speed
     size, load = (None, torque(theta)) if callable(torque) else (torque, None)
-    conditions = Conditions(theta, direction, size, time, speed=bench.speed, load=load)
+    conditions = Conditions(theta, direction, size, time, speed=bench.output_speed, load=load)
     error = _error(model, conditions, points=bench.points, method=bench.method)
     if bench.noise:
         key = np.random.SeedSequence(bench.seed, spawn_key=tuple(run_label(direction, torque).encode()))

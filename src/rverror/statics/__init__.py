@@ -36,11 +36,12 @@ if TYPE_CHECKING:
         torsion_curve as torsion_curve,
         torsional_stiffness as torsional_stiffness,
     )
-    from rverror.statics.running_in import FittedRunningIn as FittedRunningIn, fit_running_in as fit_running_in
     from rverror.statics.worn_contacts import (
+        FittedRunningIn as FittedRunningIn,
         RunningIn as RunningIn,
         Wear as Wear,
         WearCoefficients as WearCoefficients,
+        fit_running_in as fit_running_in,
         wear as wear,
     )
 else:

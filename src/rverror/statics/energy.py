@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array, cross, radial_and_tangential
+from rverror.base.arrays import Array, Integers, cross, radial_and_tangential
 from rverror.base.threads import each_part
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, Contacts, Displacement
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
@@ -27,7 +27,6 @@ from rverror.model.effects import Effect
 if TYPE_CHECKING:  # numba takes a while to import: the kernel is fetched when it is first needed
     from rverror.statics.kernel import Problem, Solution
 
-Integers = npt.NDArray[np.intp]
 
 GRADIENT_TOLERANCE = 1e-9  # of the applied torque
 _MAX_STEPS = 40

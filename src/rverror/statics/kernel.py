@@ -27,13 +27,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.compiled import compiled, inlined
-
-Integers = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
 
 # where an angle's first start comes from
 GIVEN, NEAR, COLD = 0, 1, 2  # poses that are not to be solved; poses that are likely near; nothing

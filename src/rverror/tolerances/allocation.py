@@ -14,12 +14,11 @@ from rverror.base.errors import InputError, check_each, check_kind, renamed
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.tolerances.allocation_result import CLOSED_UNITS, Allocation, FrontPoint, described
-from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.constraints import WorstPeakToPeak
-from rverror.tolerances.cost_model import CostModel, cost_model
+from rverror.tolerances.cost import CostModel, cost_model
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.least_cost import Row, least_cost
-from rverror.tolerances.loaded_yield import COUNT, loaded_units
+from rverror.tolerances.loaded_yield import COUNT, ClosedFormUnits, loaded_units
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.width_search import UnreachableError, WidthSearch, idle_entries

@@ -10,10 +10,9 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
-from rverror.tolerances.closed_units import ClosedFormUnits
-from rverror.tolerances.cost_model import CostModel
+from rverror.tolerances.cost import CostModel
 from rverror.tolerances.least_cost import Found, Row, shadow_price
-from rverror.tolerances.loaded_yield import Verified, verified
+from rverror.tolerances.loaded_yield import ClosedFormUnits, Verified, verified
 from rverror.tolerances.sampling import IntervalEstimate
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack

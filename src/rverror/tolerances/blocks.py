@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.geartrain.source import IndexValue
 from rverror.tolerances.distribution import (
     Distribution,
@@ -44,7 +43,7 @@ class WorstGroup:
     #: ``"box"``: one number, within +-`radius` widths.  ``"circle"``: a vector, no longer than `radius` widths.
     kind: Literal["box", "circle"]
     #: (instances, 1) or (instances, 2); instances that move as one, the columns are the components of the vector.
-    components: npt.NDArray[np.intp]
+    components: Integers
     radius: float = 1.0  #: in widths of the tolerance
 
 
@@ -174,7 +173,7 @@ class Block:
         radius = 1.0 if self.distribution.vector or not circles else math.sqrt(2)  # a box turned about its corner
         return tuple(WorstGroup("circle" if circles else "box", group, radius) for group in groups)
 
-    def _worst_of_classes(self, rows: npt.NDArray[np.intp]) -> tuple[WorstGroup, ...]:
+    def _worst_of_classes(self, rows: Integers) -> tuple[WorstGroup, ...]:
         assert isinstance(self.distribution, Scalar)
         own = self.distribution.widest_class(self.classes)
         groups: list[WorstGroup] = []

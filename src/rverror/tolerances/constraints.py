@@ -13,13 +13,12 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.tolerances.closed_form import towards
-from rverror.tolerances.cost_model import CostModel
+from rverror.tolerances.closed_form import GroupWaves, towards
+from rverror.tolerances.cost import CostModel
 from rverror.tolerances.least_cost import ROUNDS, Constraint, Row, minimised, pulled_in
 from rverror.tolerances.loaded_units import Solved
 from rverror.tolerances.loaded_yield import Units
 from rverror.tolerances.stacking import Stack
-from rverror.tolerances.worst_pair import GroupWaves
 
 #: Share of its limits that a unit without an equilibrium uses.
 LOST = 1e3

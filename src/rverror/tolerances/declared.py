@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import product
@@ -10,7 +11,7 @@ from typing import Any, NoReturn
 
 from rverror.base import units
 from rverror.base.errors import InputError, check_each
-from rverror.base.text import did_you_mean
+from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Index, IndexValue, Parameter
 from rverror.model.catalogue import source
@@ -31,8 +32,138 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
-from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.selection import SelectedFit, check_classes, fit_of
+
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_BOTH_WAYS = re.compile(rf"\s*(?:±|\+/?-)\s*({_NUMBER}.*)$")
+#: A unit behind the first number alone holds no digit, so the slash of ``arcsec/turn`` is not taken for that of limits.
+_TWO = re.compile(rf"\s*([-+]?{_NUMBER})\s*([^\d/+-]*)/\s*([-+]?{_NUMBER})\s*([^\d\s].*)?$")
+
+
+def width_and_centre(value: Any, dimension: str) -> tuple[float, float | None]:
+    """Width T of a tolerance, half of what its limits leave, and where their middle is.
+
+    Parameters
+    ----------
+    value : float, str, quantity or sequence of two
+        T itself; ``"±5 um"``, ``"+-5 um"``, ``"+/-5 um"``; ``"+0.02/-0.01 mm"``, the upper limit first or last; or the
+        lower and the upper limit.
+    dimension : str
+        A key of `units.CORE_UNITS`.
+
+    Returns
+    -------
+    width : float
+        Core unit.
+    centre : float or None
+        Middle of two limits, core unit; None where the limits are alike to both sides.
+
+    Raises
+    ------
+    ValueError
+        If a number or unit cannot be read, or the limits leave nothing.
+
+    Examples
+    --------
+    >>> width_and_centre("±5 um", "length")
+    (0.005, None)
+    >>> [round(size, 9) for size in width_and_centre("+0.02/-0.01 mm", "length")]
+    [0.015, 0.005]
+    """
+    if isinstance(value, str):
+        text = value.replace("\N{MINUS SIGN}", "-")
+        if match := _BOTH_WAYS.match(text):
+            return units.to_core(match[1], dimension), None
+        if match := _TWO.match(text):
+            unit = match[4] or ""
+            texts = f"{match[1]} {match[2].strip() or unit}", f"{match[3]} {unit}"
+            return _of(sorted(units.to_core(one.strip(), dimension) for one in texts), value)
+        return units.to_core(text, dimension), None
+    if isinstance(value, Sequence):
+        if len(value) != 2:
+            raise InputError(f"{value!r}: {len(value)} limits; give two, the lower one first")
+        return _of([units.to_core(one, dimension) for one in value], value)
+    return units.to_core(value, dimension), None
+
+
+def _of(pair: Sequence[float], value: Any) -> tuple[float, float]:
+    low, high = pair
+    if not low < high:
+        raise InputError(f"{value!r}: the limits leave nothing between them; give the lower one, then a larger one")
+    return (high - low) / 2, (high + low) / 2
+
+
+#: Most classes; at so many two parts of one class are the same size but for a thousandth.
+MOST_CLASSES = 1000
+
+
+@dataclass(frozen=True)
+class SelectedFit:
+    """Parts that are matched with those of another tolerance: a place of a unit gets both from one class.
+
+    Attributes
+    ----------
+    other : str
+        Name or key of the other tolerance; places are matched by the indices that both have.
+    classes : int
+        Classes of equal number into which the parts of either are sorted by size, 2 or more.
+    opposite : bool
+        Whether the largest go with the smallest.
+
+    Raises
+    ------
+    InputError
+        If there are too few or too many classes.
+    """
+
+    other: str
+    classes: int
+    opposite: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the classes."""
+        check_classes("fit", self.classes, least=2)
+
+
+def fit_of(said: Any) -> SelectedFit:
+    """Make a fit from ``{"with": "bores", "classes": 3, "opposite": True}``, as tolerance files have it.
+
+    Raises
+    ------
+    InputError
+        If it is neither that nor a `SelectedFit`.
+    """
+    if isinstance(said, SelectedFit):
+        return said
+    example = "write fit = { with = 'bores', classes = 3 }, and opposite = true where the largest go with the smallest"
+    if not isinstance(said, Mapping) or not {"with", "classes"} <= said.keys() <= {"with", "classes", "opposite"}:
+        raise InputError(f"fit = {shown(said)}: must say with and classes; {example}")
+    other, opposite = said["with"], said.get("opposite", False)
+    if not isinstance(other, str) or not isinstance(opposite, bool):
+        raise InputError(f"fit = {shown(said)}: with is a name or a key, opposite true or false; {example}")
+    return SelectedFit(other, said["classes"], opposite)
+
+
+def check_classes(what: str, classes: int, *, least: int = 1) -> None:
+    """Refuse what is no number of classes.
+
+    Parameters
+    ----------
+    what : str
+        What has them, for the message.
+    classes : int
+    least : int
+
+    Raises
+    ------
+    InputError
+    """
+    whole = isinstance(classes, int) and not isinstance(classes, bool)
+    if not whole or not least <= classes <= MOST_CLASSES:
+        raise InputError(
+            f"{what}: classes = {classes}: must be a whole number from {least} to {MOST_CLASSES}; beyond that give "
+            "correlation = 1"
+        )
+
 
 Instances = IndexValue | tuple[IndexValue, ...]
 
@@ -117,7 +248,7 @@ class Tolerance:
         if entry.acts == "marks":
             self._refuse("it turns the waveforms of others and adds none of its own; leave it out")
         for problem, given, what, allowed in (
-            ("no parameter", self.parameters, "parameters", entry.parameters),
+            ("parameters: no parameter", self.parameters, "parameters", entry.parameters),
             ("no index", self.indices, "indices", entry.indices),
             ("mean of", self.mean, "parameters", self.chosen),
         ):

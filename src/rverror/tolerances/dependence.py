@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
 from rverror.tolerances.blocks import Block, Component
-from rverror.tolerances.declared import Tolerance
+from rverror.tolerances.declared import SelectedFit, Tolerance
 from rverror.tolerances.distribution import Scalar, normal_correlation
-from rverror.tolerances.selection import SelectedFit
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
 _TAKES_PART = 1e-6  # of the square of a direction
@@ -40,7 +38,7 @@ class Dependence:
     classes: tuple[tuple[int, int, bool], ...] = ()
 
     @property
-    def components(self) -> npt.NDArray[np.intp]:
+    def components(self) -> Integers:
         """Components that go together with those of another entry."""
         return np.flatnonzero(self.between.any(axis=1))
 
@@ -135,7 +133,7 @@ def _check_joined(item: Tolerance, block: Block) -> None:
         )
 
 
-def _alike(one: Block, other: Block, components: Sequence[Component]) -> npt.NDArray[np.bool_]:
+def _alike(one: Block, other: Block, components: Sequence[Component]) -> Flags:
     """Which components of two entries go together: of one place among the parameters, their common indices alike."""
     mine, theirs = components[one.components], components[other.components]
     return np.array(

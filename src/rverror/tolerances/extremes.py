@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.units import ARCSEC
 
 #: Largest difference of a peak-to-peak that leaving out small waves may make, rad.
@@ -18,8 +17,6 @@ TOLERANCE = 1e-6 * ARCSEC
 _REACH = 10.0  # draws, in widths, up to which it is kept
 _ROUNDING = 1e-15  # of a mean: a waveform that leaves it by less is constant
 _BLOCK = 2**16  # samples of a block of units, 0.5 MB: sums and peaks stay in a core's cache
-
-Ints = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class Kernel:
             rms[part] = np.sqrt(np.square(coordinates) @ self.weights)
         return Extremes(high - low, np.maximum(high, -low), rms, self.nominal_offset + values @ self.offsets)
 
-    def places(self, values: Array) -> tuple[Ints, Ints]:
+    def places(self, values: Array) -> tuple[Integers, Integers]:
         """Samples of the highest and of the lowest value of each combination, shape (units,) each; the first repeat."""
         high, low = np.empty((2, len(values)), dtype=np.intp)
         for part, _, even, odd in self._folds(values):

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.tolerances.cost_model import CostModel
+from rverror.tolerances.cost import CostModel
 
 #: Of a value to its limit, relative.
 CLOSE = 1e-9

@@ -14,10 +14,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.threads import each
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
@@ -37,7 +36,6 @@ from rverror.tolerances.stacking import Stack
 if TYPE_CHECKING:  # numba takes a while to import
     from rverror.statics.kernel import Problem, Solution
 
-Integers = npt.NDArray[np.intp]
 _Poses = Sequence[list[Array] | None]  # by limit
 
 #: Angles of a turn between which the highest and lowest output is sought.

@@ -1,10 +1,14 @@
-"""Yield at the load: virtual units drawn afresh, solved by the equilibrium, and the share that each limit lets pass."""
+"""Yield at the load: virtual units drawn afresh, solved by the equilibrium, and the share that each limit lets pass.
+
+And virtual units in closed form, contacts closed.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,12 +18,60 @@ from rverror.base.directions import Direction, direction_sign
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
-from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.declared import Tolerance
-from rverror.tolerances.loaded_units import CLEAR, LoadedUnits
+from rverror.tolerances.extremes import Kernel, kernel
+from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
 from rverror.tolerances.sampling import IntervalEstimate, check_share, order_statistics, share_interval, uniforms
 from rverror.tolerances.specification import Limit, check_limits
 from rverror.tolerances.stacking import Stack, stack
+
+_CHUNK = 1_000_000  # numbers in the draws of one chunk of units
+
+
+@dataclass(frozen=True)
+class ClosedFormUnits:
+    """Units of a stack in closed form, to be solved as `LoadedUnits` are.
+
+    Attributes
+    ----------
+    stack : Stack
+    limits : tuple of Limit
+        One, of the transmission error.
+    """
+
+    stack: Stack
+    limits: tuple[Limit, ...]
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        return kernel(self.stack.scaled(), self.stack.nominal)
+
+    def solved(
+        self,
+        drawn: Array,
+        widths: Array,
+        *,
+        slopes: bool = False,
+        decide: bool = False,  # all are solved to the end
+        near: Solved | None = None,  # nothing is found sooner from there
+        progress: Callable[[int], None] | None = None,
+    ) -> Solved:
+        """Peak-to-peaks of units; the parameters are those of `LoadedUnits.solved`."""
+        stack, count = self.stack, len(drawn)
+        ratio, by_angle = (widths / stack.width)[stack.entry], np.ascontiguousarray(stack.influence.T)
+        belongs = (stack.entry[:, None] == np.arange(widths.size)).astype(np.float64)
+        slope, nominal = np.empty((count, widths.size)), np.empty(count)
+        step = max(1, _CHUNK // stack.entry.size)
+        for first in range(0, count, step):
+            part = slice(first, min(first + step, count))
+            high, low = self._kernel.places(drawn[part] * ratio)
+            slope[part] = (drawn[part] * (by_angle[high] - by_angle[low])) @ belongs
+            nominal[part] = stack.nominal[high] - stack.nominal[low]
+            if progress is not None:
+                progress(part.stop)
+        turns = (slope @ widths + nominal)[:, None]
+        return Solved(turns, (), turns[..., None], slope[:, None, None]) if slopes else Solved(turns, ())
+
 
 #: Units that are solved where no number is given: a yield of 99 % is known to half a per cent by them.
 COUNT = 2000

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -225,8 +225,7 @@ def virtual_units(
             missing.append(index)
         else:
             results[:, job.span(index)] = found
-    chunks = computed(job, missing, executor)
-    for index, sizes in told(chunks, progress, f"{job.count} virtual units", len(missing)):
+    for index, sizes in computed(job, missing, executor, progress, f"{job.count} virtual units"):
         if store is not None:
             store.write(index, sizes)
         results[:, job.span(index)] = sizes
@@ -306,28 +305,28 @@ def chunk_length(count: int) -> int:
 
 
 def computed(
-    task: Callable[[int], Result], indices: Sequence[int], executor: Executor | None
+    task: Callable[[int], Result],
+    indices: Sequence[int],
+    executor: Executor | None,
+    progress: Callable[[str], None] | None,
+    what: str,
 ) -> Iterator[tuple[int, Result]]:
-    """Results of a task for each index, in their order.
+    """Results of a task for each index, in their order; progress tells after each how many of `what` there are.
 
     The task must pickle where the executor has other processes; without an executor it runs in this one.  Workers that
     are lost are an InputError.
     """
     try:
-        yield from zip(indices, map(task, indices) if executor is None else executor.map(task, indices), strict=True)
+        results = map(task, indices) if executor is None else executor.map(task, indices)
+        for done, found in enumerate(zip(indices, results, strict=True), 1):
+            if progress is not None:
+                progress(f"{what}: {100 * done / len(indices):.0f} %")
+            yield found
     except BrokenExecutor as problem:
         raise InputError(
             f"the workers were lost ({type(problem).__name__}: {problem}); start again, with fewer if memory ran out; "
             'what is in folder= is kept; a script needs an `if __name__ == "__main__":`'
         ) from problem
-
-
-def told(results: Iterable[Result], progress: Callable[[str], None] | None, what: str, number: int) -> Iterator[Result]:
-    """Results as they come; how many of so many there are is told after each."""
-    for done, result in enumerate(results, 1):
-        if progress is not None:
-            progress(f"{what}: {100 * done / number:.0f} %")
-        yield result
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.chance import student
 from rverror.base.errors import InputError
-from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, told, uniforms
+from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, uniforms
 from rverror.tolerances.stacking import Stack
-
-Groups = npt.NDArray[np.intp]
 
 #: Points that indices are estimated from where no number is given.
 COUNT = 2**13
@@ -46,7 +44,7 @@ class SobolIndices:
 
 
 def _replicate(
-    function: Callable[[Array], Array], groups: Groups, points: int, seed: int, outputs: int, index: int
+    function: Callable[[Array], Array], groups: Integers, points: int, seed: int, outputs: int, index: int
 ) -> Array:
     """Values on one scramble: of A, of B, and of A with each group from B, shape (groups + 2, points, outputs)."""
     dimensions, done = groups.size, 0
@@ -123,7 +121,7 @@ def sobol_indices(
     belongs = np.asarray(groups, dtype=np.intp)
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
     task = partial(_replicate, function, belongs, points, int(seed), outputs)
-    replicates = told(computed(task, range(_REPLICATES), executor), progress, "Sobol indices", _REPLICATES)
+    replicates = computed(task, range(_REPLICATES), executor, progress, "Sobol indices")
     values = np.array([found for _, found in replicates])
     return tuple(_indices(values[..., output], confidence) for output in range(outputs))
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base import units
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Integers
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import OneLine
@@ -74,7 +73,7 @@ class Stack(OneLine):
     nominal: Array
     influence: Array
     components: tuple[Component, ...]
-    entry: npt.NDArray[np.intp]
+    entry: Integers
     width: Array
     labels: tuple[str, ...]
     blocks: tuple[Block, ...]
@@ -98,7 +97,7 @@ class Stack(OneLine):
         return self.blocks[-1].variates.stop if self.blocks else 0
 
     @property
-    def variate_entry(self) -> npt.NDArray[np.intp]:
+    def variate_entry(self) -> Integers:
         """Entry to which each variate belongs, shape (dimensions,)."""
         counts = [block.variates.stop - block.variates.start for block in self.blocks]
         return np.repeat(np.arange(len(self.blocks), dtype=np.intp), counts)

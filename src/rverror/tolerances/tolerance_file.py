@@ -1,26 +1,164 @@
-"""Tolerance files, TOML: reading with the line of every mistake, copying with other widths."""
+"""Tolerance files: TOML with the line of every mistake, or a table of rows; and copies with other widths."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from rverror.base import units
 from rverror.base.errors import InputError
+from rverror.base.spreadsheet import TABLES, table_rows
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
-from rverror.base.toml import EXAMPLES, Place, TomlText, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, TomlText, read_toml
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Model
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
-from rverror.tolerances.declared import Tolerance, tolerance
+from rverror.tolerances.declared import Tolerance, tolerance, width_and_centre
 from rverror.tolerances.dependence import correlations, fits
-from rverror.tolerances.gear_grades import class_of, gear_limit
-from rverror.tolerances.iso_grades import it_width
-from rverror.tolerances.limits import width_and_centre
-from rverror.tolerances.tolerance_table import is_table, read_table
+from rverror.tolerances.grades import class_of, gear_limit, it_width
+
+_WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "diameter", "module", "at", "least", "largest")
+_CURVE = ("curve", "price", "at", "base")
+_YES, _NO = ("true", "yes", "1", "x"), ("false", "no", "0", "")
+_EXAMPLE = "write a first line such as 'key, tolerance[um], distribution'"
+
+
+def is_table(name: str) -> bool:
+    """Whether a file of this name is a table, not a TOML text."""
+    return Path(name).suffix.lower() in TABLES
+
+
+def read_table(path: PathLike) -> TomlText:
+    """Read a table of tolerances: the same content as a TOML text has, with the row of each.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Its first row has the names of the columns, a unit in brackets where the cells have none; ``key`` is needed.
+        Rows that begin with # are left out, and so are empty ones.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a column is not known, or a cell cannot be what its column says.
+    """
+    name = str(path)
+    rows = table_rows(path)
+    if not rows:
+        raise InputError(f"{name}: the table is empty; {_EXAMPLE}")
+    (line, heads), *body = rows
+    columns = [_column(name, line, head) for head in heads]
+    if "key" not in [column for column, _ in columns]:
+        raise InputError(f"{name}, line {line}: no column 'key'; {_EXAMPLE}")
+    if not body:
+        raise InputError(f"{name}: no tolerance below the first line; add a row for each")
+    lines: dict[KeyPath, int] = {}
+    listed = []
+    for i, (number, row) in enumerate(body):
+        if any(cell for cell in row[len(columns) :]):
+            raise InputError(f"{name}, line {number}: {len(row)} cells for {len(columns)} columns; correct the row")
+        given = {column: (cell, unit) for (column, unit), cell in zip(columns, row, strict=False) if column and cell}
+        listed.append(_entry(f"{name}, line {number}", given))
+        lines |= {("tolerance", i): number, ("tolerance",): number}
+    return TomlText(name, {"tolerance": listed}, lines)
+
+
+def _column(name: str, line: int, head: str) -> tuple[str, str]:
+    """Column and unit of a title."""
+    title, _, unit = head.partition("[")
+    title = title.strip().lower().replace(" ", "_")
+    if title and title not in _READ:
+        hint = did_you_mean(title, _READ)
+        raise InputError(
+            f"{name}, line {line}: unknown column {shown(title)};{hint} the columns are {', '.join(_READ)}"
+        )
+    return title, unit.rstrip("] ")
+
+
+def _entry(where: str, given: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
+    """Content of a ``[[tolerance]]`` table."""
+    entry = {
+        name: _READ[name](where, name, _with_unit(cell, unit) if name in _WITH_UNIT else cell)
+        for name, (cell, unit) in given.items()
+    }
+    for ends, name in ((("lower", "upper"), "tolerance"), (("least", "largest"), "bounds")):
+        pair = [entry.pop(end) for end in ends if end in entry]
+        if len(pair) == 1 or (pair and name in entry):
+            raise InputError(f"{where}: {' and '.join(ends)} are two, in place of {name}; give both or neither")
+        if pair:
+            entry[name] = pair
+    indices, cost = ({name: entry.pop(name) for name in names if name in entry} for names in (_INDICES, _CURVE))
+    if indices:
+        entry["indices"] = indices
+    if cost:
+        entry["cost"] = {"curve": "reciprocal", **cost}
+    if "parameter" in entry:
+        entry["parameters"] = entry.pop("parameter")
+    return entry
+
+
+def _with_unit(cell: str, unit: str) -> str:
+    """Cell with the unit of its column, where it has none itself."""
+    return f"{cell} {unit}" if unit and not any(letter.isalpha() for letter in cell.replace("e", "")) else cell
+
+
+def _text(where: str, name: str, cell: str) -> str:
+    return cell
+
+
+def _number(where: str, name: str, cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError as error:
+        raise InputError(f"{where}: {name} is {shown(cell)}; give a number") from error
+
+
+def _flag(where: str, name: str, cell: str) -> bool:
+    if cell.lower() not in (*_YES, *_NO):
+        raise InputError(f"{where}: {name} is {shown(cell)}; write yes or no")
+    return cell.lower() in _YES
+
+
+def _parts(where: str, name: str, cell: str) -> list[str]:
+    return [part.strip() for part in cell.split(",")]
+
+
+def _index(where: str, name: str, cell: str) -> Any:
+    found = [int(part) if part.lstrip("-").isdigit() else part for part in _parts(where, name, cell)]
+    return found[0] if len(found) == 1 else found
+
+
+def _correlations(where: str, name: str, cell: str) -> dict[str, float]:
+    """Names and numbers of ``cams: 0.6; bores: -0.2``."""
+    pairs = [part.rpartition(":") for part in cell.split(";") if part.strip()]
+    if not all(colon for _, colon, _ in pairs):
+        raise InputError(f"{where}: {name} is {shown(cell)}; write it like 'cams: 0.6; bores: -0.2'")
+    return {other.strip(): _number(where, name, value) for other, _, value in pairs}
+
+
+def _fit(where: str, name: str, cell: str) -> dict[str, Any]:
+    """Other tolerance, classes and order of ``bores: 3 opposite``."""
+    other, _, rest = cell.rpartition(":")
+    number, _, order = rest.strip().partition(" ")
+    if not other or not number.isdigit() or order.strip() not in ("", "opposite"):
+        raise InputError(f"{where}: {name} is {shown(cell)}; write it like 'bores: 3' or 'bores: 3 opposite'")
+    return {"with": other.strip(), "classes": int(number), "opposite": bool(order)}
+
+
+_INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
+#: How the cells of each column are read; those of the indices have the names of the catalogue.
+_READ: Mapping[str, Callable[[str, str, str], Any]] = {
+    **dict.fromkeys(("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution"), _text),
+    **dict.fromkeys(("mean", "phase", "at", "lower", "upper", "least", "largest", "curve"), _text),
+    **dict.fromkeys(("capability", "shape", "correlation", "classes", "price", "base"), _number),
+    **{"parameter": _parts, "correlated_with": _correlations, "fit": _fit, "fixed": _flag},
+    **dict.fromkeys(_INDICES, _index),
+}
+
 
 #: Indent, and what follows the value, of a line that holds one key with a text.
 _VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^']*'|\[[^\]#]*\])(\s*(?:#.*)?)$""")
@@ -42,6 +180,10 @@ def _is_names(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
 
 
+def _is_correlations(value: object) -> bool:
+    return isinstance(value, dict) and all(map(_is_number, value.values()))
+
+
 #: Of a key: whether a value is of its kind, what it must be, and an example with names and size of the source.
 _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
     **dict.fromkeys(("name", "distribution", "phase"), (lambda v: isinstance(v, str), "a text", '"..." with quotes')),
@@ -57,13 +199,13 @@ _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
         '["%(size)s", "%(size)s"]',
     ),
     "correlated_with": (
-        lambda v: isinstance(v, dict),
-        "a table of names and correlations",
+        _is_correlations,
+        "a table of names and bare numbers",
         '{ "crank.eccentricity" = 0.6 }',
     ),
 }
 #: Keys whose value goes on as it is.
-_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters")
+_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters", "correlated_with")
 
 _CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
     "reciprocal": Reciprocal,
@@ -219,7 +361,7 @@ def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
 class _Entry:
     """Reader of one ``[[tolerance]]`` table."""
 
-    def __init__(self, where: TomlText, place: Place, value: object) -> None:
+    def __init__(self, where: TomlText, place: KeyPath, value: object) -> None:
         if not isinstance(value, dict):
             where.refuse(place, f"tolerance holds {shown(value)}, which is no table; write it below '[[tolerance]]'")
         self.where, self.place, self.table = where, place, value
@@ -231,16 +373,12 @@ class _Entry:
             self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
         self.source: Source = source(key)
         where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
-        every = {p.name: p for p in self.source.parameters}
-        names = value["parameters"] if _is_names(value.get("parameters")) else list(every)
-        for name in names:
-            if name not in every:
-                hint = did_you_mean(name, every)
-                self.refuse("parameters", f"no parameter {shown(name)};{hint} the parameters are {', '.join(every)}")
-        self.dimension = next(p.dimension for p in every.values() if p.name in names)
+        names, every = value.get("parameters") or (), self.source.parameters
+        chosen = [p for p in every if _is_names(names) and p.name in names] or every  # others are refused with it
+        self.dimension = chosen[0].dimension
         self.example = EXAMPLES[self.dimension]
         index = next((index.name for index in self.source.indices), "disc")
-        examples = {"parameter": next(iter(every)), "index": index, "size": self.example}
+        examples = {"parameter": every[0].name, "index": index, "size": self.example}
         for name, (fits_kind, must, example) in _KINDS.items():
             if name in value and not fits_kind(value[name]):
                 remedy = f"{name} = {example % examples}"
@@ -263,10 +401,9 @@ class _Entry:
                 self.source.key,
                 width,
                 samples=samples,
-                mean=self._mean(),
-                bounds=self._bounds(),
+                mean=self._with_units("mean"),
+                bounds=self._with_units("bounds"),
                 cost=self._cost(),
-                correlated_with=self._correlated_with(),
                 classes=int(table.get("classes", 1)),
                 **given,
                 **self._indices(),
@@ -315,15 +452,23 @@ class _Entry:
             name = next((size for size in _SIZES if size in self.table), "key")
         return name if name in self.table else "key"
 
-    def _number(self, name: str, table: Mapping[str, Any], place: Place) -> float:
+    def _number(self, name: str, table: Mapping[str, Any], place: KeyPath) -> float:
         value = table[name]
         if not _is_number(value):
             said = f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
             self.where.refuse((*self.place, *place, name), said)
         return float(value)
 
-    def _quantity(self, name: str, value: object, dimension: str, example: str) -> float:
-        return self.where.quantity((*self.place, name), value, dimension, example)
+    def _quantity(self, name: str, value: object) -> float:
+        return self.where.quantity((*self.place, name), value, self.dimension, self.example)
+
+    def _with_units(self, name: str) -> Any:
+        """What a key says, refused where it has no unit."""
+        value = self.table.get(name)
+        for one in value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]:
+            if not isinstance(one, str | None):
+                self._quantity(name, one)
+        return value
 
     def _indices(self) -> dict[str, Any]:
         known = [index.name for index in self.source.indices]
@@ -338,7 +483,7 @@ class _Entry:
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
         return value
 
-    def _size(self) -> tuple[Any, list[float] | None]:
+    def _size(self) -> tuple[Any, list[Any] | None]:
         """Width, or samples in its place."""
         given = [name for name in _SIZES if name in self.table]
         if len(given) != 1:
@@ -348,22 +493,12 @@ class _Entry:
                 f'{self.source.key}: {problem}; give one of tolerance = "{self.example}", grade with size, or samples',
             )
         if given == ["samples"]:
-            return None, [
-                self._quantity("samples", item, self.dimension, self.example) for item in self.table["samples"]
-            ]
+            return None, self._with_units("samples")
         if given == ["grade"]:
             return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
-        value = self.table["tolerance"]
-        for one in value if isinstance(value, list) else [value]:
-            if not isinstance(one, str):
-                self._quantity("tolerance", one, self.dimension, self.example)  # it has no unit
-        return value, None
+        return self._with_units("tolerance"), None
 
-    def _correlated_with(self) -> dict[str, float]:
-        value = self.table.get("correlated_with", {})
-        return {name: self._number(name, value, ("correlated_with",)) for name in value}
-
-    def _grade(self, grade: str, table: Mapping[str, Any], place: Place) -> float:
+    def _grade(self, grade: str, table: Mapping[str, Any], place: KeyPath) -> float:
         """What a grade leaves: half the width of ISO 286, or the limit of a toothing by ISO 1328."""
         at = (*self.place, *place)
         if self.dimension != "length":
@@ -389,20 +524,6 @@ class _Entry:
         except ValueError as error:
             self.where.refuse(at, str(error))
 
-    def _mean(self) -> Any:
-        value = self.table.get("mean")
-        if value is None:
-            return None
-        if not isinstance(value, dict):
-            return self._quantity("mean", value, self.dimension, self.example)
-        return {name: self._quantity("mean", item, self.dimension, self.example) for name, item in value.items()}
-
-    def _bounds(self) -> tuple[float, float] | None:
-        if "bounds" not in self.table:
-            return None
-        low, high = (self._quantity("bounds", item, self.dimension, self.example) for item in self.table["bounds"])
-        return low, high
-
     def _cost(self) -> Cost | None:
         value = self.table.get("cost")
         if value is None:
@@ -410,7 +531,7 @@ class _Entry:
         kinds = [kind for kind in _COST_KEYS if isinstance(value, dict) and kind in value]
         if not isinstance(value, dict) or len(kinds) != 1:
             said = "several kinds of cost" if kinds else "no kind of cost"
-            examples = " or ".join(self._cost_example(kind) for kind in _COST_KEYS)
+            examples = " or ".join(map(self._cost_example, _COST_KEYS))
             self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
         kind = kinds[0]
         self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
@@ -422,8 +543,7 @@ class _Entry:
             self.refuse("cost", f"cost: {error}")
 
     def _cost_example(self, kind: str) -> str:
-        text = _COST_EXAMPLES[kind]
-        return text % self.example if "%s" in text else text
+        return _COST_EXAMPLES[kind].replace("%s", self.example)
 
     def _curve(self, value: Mapping[str, Any]) -> Cost:
         curve = value["curve"]
@@ -434,9 +554,7 @@ class _Entry:
                 self.refuse("cost", f"the cost has no {name}; write {self._cost_example('curve')}")
         price = self._number("price", value, ("cost",))
         base = self._number("base", value, ("cost",)) if "base" in value else 0.0
-        return _CURVES[curve](
-            price=price, at=self._quantity("cost", value["at"], self.dimension, self.example), base=base
-        )
+        return _CURVES[curve](price=price, at=self._quantity("cost", value["at"]), base=base)
 
     def _grades(self, value: Mapping[str, Any]) -> Cost:
         prices = value["grades"]
@@ -450,6 +568,6 @@ class _Entry:
         rows = value["table"]
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
             self.refuse("cost", f"table = {shown(rows)}: must be pairs; write {self._cost_example('table')}")
-        widths = tuple(self._quantity("cost", row[0], self.dimension, self.example) for row in rows)
+        widths = tuple(self._quantity("cost", row[0]) for row in rows)
         prices = tuple(self._number("price", {"price": row[1]}, ("cost",)) for row in rows)
         return Grades(widths, prices, tuple(str(row[0]) for row in rows))

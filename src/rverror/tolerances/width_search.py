@@ -12,15 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 from rverror.tolerances.allocation_result import Allocation, Kind, described
-from rverror.tolerances.closed_units import ClosedFormUnits
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
-from rverror.tolerances.cost_model import CostModel, Mask
+from rverror.tolerances.cost import CostModel
 from rverror.tolerances.least_cost import CLOSE, Found, least_cost
 from rverror.tolerances.loaded_units import CLEAR, LoadedUnits, Solved
-from rverror.tolerances.loaded_yield import Units, Verified, counted, standard_draws, verified
+from rverror.tolerances.loaded_yield import ClosedFormUnits, Units, Verified, counted, standard_draws, verified
 from rverror.tolerances.sampling import share_interval
 from rverror.tolerances.stacking import Stack
 
@@ -308,7 +307,7 @@ class WidthSearch:
         return UnreachableError(said)
 
 
-def idle_entries(stack: Stack) -> Mask:
+def idle_entries(stack: Stack) -> Flags:
     """Entries that make no wave in closed form, rounding apart."""
     waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
     size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])

@@ -194,12 +194,9 @@ def _run_table(result: Run) -> Table:
         output_angle=POSITION,
         te=("te_column", ANGLE),
         output_torque=("load_column", TORQUE),
+        torque_record=TORQUE,
         direction=NUMBER,
     )
-    for name, values in result.extra.items():
-        unit = _bracket(name)
-        own = name if name not in variables else f"{name} (of the bench)"
-        variables[own] = Variable(("sample",), values, Unit(unit, unit))
     variables |= arrays("", result, torque=TORQUE, temperature=TEMPERATURE)
     about = {"path": result.path, "direction": ways(result.direction), **_of_file(result)}
     title = (result.path, count_of(result.size, "sample"))
@@ -217,11 +214,6 @@ def _facts_of_file(result: Run | OrderTable) -> dict[str, str]:
     known = {"": "aligned, offset of its own", "unknown": "not known"}
     zero = known.get(result.index, f"shared, {result.index}")
     return {"zero": zero, **{f"# {key}": value for key, value in result.metadata.items()}}
-
-
-def _bracket(name: str) -> str:
-    """Unit that a column's name ends with."""
-    return name[name.rindex("[") + 1 : -1] if name.endswith("]") and "[" in name else ""
 
 
 #: Unit of each condition of an order table that is a number.

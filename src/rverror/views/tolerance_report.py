@@ -17,8 +17,7 @@ from rverror.geartrain.mechanism import Reducer
 from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.declared import Tolerance
-from rverror.tolerances.full_budget import ErrorBudget
-from rverror.tolerances.loaded_budget import LoadedBudget
+from rverror.tolerances.full_budget import ErrorBudget, LoadedBudget
 from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices

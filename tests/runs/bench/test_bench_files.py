@@ -18,7 +18,7 @@ from nptdms import ChannelObject
 
 from bench_files import INPUT, OUTPUT, RATIO, TE, THETA, TIME, N, hdf5, mat, tdms
 from rverror.base.errors import InputError
-from rverror.runs.bench import columns as bench_columns, hdf5 as bench_hdf5
+from rverror.runs.bench import binary as bench_binary, columns as bench_columns
 from rverror.runs.bench.draft import draft_mapping
 from rverror.runs.bench.mapping import BenchMapping, load_mapping
 from rverror.runs.measurement import Run, load_run, run_from_arrays, run_text
@@ -346,7 +346,7 @@ def test_text_refused_in_one_line(tmp_path: Path, name: str) -> None:
 def test_both_separators_fit(tmp_path: Path) -> None:
     """One name alone fits any separator that is not in it; two that each split the line are asked for."""
     text = "in;a,in\n1;2\n"
-    mapping = "[columns]\ninput_angle = { name = 'in', unit = 'deg' }\n[keep]\n'torque[N*m]' = 'in'\n"
+    mapping = "[columns]\ninput_angle = { name = 'in', unit = 'deg' }\ntorque = { name = 'in', unit = 'N*m' }\n"
     refusal(lambda: load(write(tmp_path, "run.csv", text), mapping), "line 1: semicolon and comma both separate")
 
 
@@ -583,7 +583,7 @@ def test_groups_in_a_circle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             out[f"g/{i}"] = np.zeros(3)
         out["g/again"] = out["/"]
     assert load(file).size == N
-    monkeypatch.setattr(bench_hdf5, "MOST_COLUMNS", 2)
+    monkeypatch.setattr(bench_binary, "MOST_COLUMNS", 2)
     refusal(lambda: load(file), "more than 2 data sets")
 
 
@@ -629,11 +629,11 @@ def test_two_columns_of_a_standard_name(tmp_path: Path) -> None:
     np.testing.assert_allclose(same_as.te_column, np.radians(TE))
 
 
-def test_kept_columns_and_torque_records(tmp_path: Path) -> None:
+def test_torque_records(tmp_path: Path) -> None:
     file = mat(tmp_path, M=TORQUE)
-    run = load(file, MAPPING + "[keep]\n'torque[N*m]' = 'M'\n")
-    np.testing.assert_array_equal(run.extra["torque[N*m]"], TORQUE)
-    record = load(file, MAPPING.replace("input_angle", "# input_angle") + "[keep]\n'torque[N*m]' = 'M'\n")
+    mapping = MAPPING + "torque = { name = 'M', unit = 'N*m' }\n"
+    np.testing.assert_allclose(load(file, mapping).torque_record, 1e3 * TORQUE)
+    record = load(file, mapping.replace("input_angle", "# input_angle"))
     assert record.input_angle is None
     refusal(lambda: record.error(13.0), "torque record")
 

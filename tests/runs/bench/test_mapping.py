@@ -9,8 +9,7 @@ import pytest
 
 from pages import ROOT
 from rverror.base.errors import InputError
-from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.bench.unit_words import unit_scale
+from rverror.runs.bench.mapping import load_mapping, unit_scale
 
 GOOD = """
 name = "bench 3"
@@ -32,9 +31,6 @@ direction = "Forward"
 output_torque = { property = "M", unit = "N*m" }
 temperature = { property = "T" }
 index = "A"
-[keep]
-"oil[degC]" = "Öl"
-"x" = { column = 7 }
 """
 
 
@@ -59,9 +55,6 @@ def test_good_file(tmp_path: Path) -> None:
     assert mapping.header["direction"].text == "Forward"
     assert mapping.header["output_torque"].where.property == "M"
     assert mapping.header["temperature"].where.property == "T"
-    assert {key: (where.name, where.column) for key, where in mapping.keep.items()} == {
-        "oil[degC]": ("Öl", 0), "x": ("", 7),
-    }  # fmt: skip
 
 
 def test_the_shipped_mapping_is_one() -> None:
@@ -118,9 +111,7 @@ BAD = {
     "direction": ('[header]\ndirection = "forwards"\n', ["line 2", "'forwards'", "did you mean 'forward'"]),
     "direction column": ('[header]\ndirection = { name = "x" }\n', ["line 2", "'name'", "property"]),
     "index": ('[header]\nindex = ""\n', ["line 2", "index is empty"]),
-    "kept name": ('[keep]\n"a,b" = "x"\n', ["'a,b' cannot name a kept column", "'oil[degC]'"]),
-    "kept te": ('[keep]\n"te[deg]" = "x"\n', ["'te[deg]' cannot name"]),
-    "kept number": ('[keep]\noil = 3\n', ["line 2", "oil = 3", "name of a column"]),
+    "column number": ('[columns]\ntorque = 3\n', ["line 2", "torque = 3", "name of a column"]),
 }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from rverror.runs.bench.numerals import Undecided, found_decimal, number_in
+from rverror.runs.bench.text import Undecided, found_decimal, number_in
 
 
 def printed(value: float, digits: int, decimal: str) -> str:

@@ -20,8 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.runs import load_orders
 from rverror.runs.bench.draft import draft_mapping
-from rverror.runs.bench.mapping import load_mapping
-from rverror.runs.bench.unit_words import unit_scale
+from rverror.runs.bench.mapping import load_mapping, unit_scale
 from rverror.runs.measurement import read_run
 from rverror.runs.order_table import OrderTable
 
@@ -268,7 +267,6 @@ def test_a_draft_names_columns_beside_words_and_shows_how_a_table_is_mapped(tmp_
 HEAD = '[header]\ndirection = "forward"\n'
 BAD_MAPPINGS: dict[str, tuple[str, list[str]]] = {
     "columns too": ('[columns]\nte = "x"\n' + MAPPING, ["line 1", "[columns] beside [orders]"]),
-    "keep too": (MAPPING + '[keep]\nx = "x"\n', ["line 8", "[keep] beside [orders]"]),
     "no table": ("orders = 3\n", ["line 1", "write '[orders]'"]),
     "column": (changed(("phase =", "fase =")), ["line 5", "'fase'", "did you mean 'phase'"]),
     "key": (changed(('unit = "deg"', 'units = "deg"')), ["line 5", "'units'", "did you mean 'unit'"]),

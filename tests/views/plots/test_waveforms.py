@@ -138,7 +138,7 @@ def test_a_run_is_drawn_by_direction_with_its_offset() -> None:
 
 def test_a_torque_record_is_drawn_in_newton_metres() -> None:
     theta = np.linspace(0, 6, 100)
-    run = run_from_arrays(output_angle=theta, direction="forward", te=None, extra={"torque[N*mm]": 2e3 * np.sin(theta)})
+    run = run_from_arrays(output_angle=theta, direction="forward", te=None, torque_record=2e3 * np.sin(theta))
     ax = run.plot()
     assert ax.get_ylabel() == "torque, N*m"
     x, y = line(ax, "forward")

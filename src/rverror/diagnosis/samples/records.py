@@ -17,7 +17,7 @@ from rverror.diagnosis.noise import Whitening
 from rverror.geartrain.mechanism import Drive
 from rverror.model.effects import Model
 from rverror.model.sensor import slope
-from rverror.runs.measurement import Run, torque_column
+from rverror.runs.measurement import Run
 
 BOW, BENT, LOST = "slow curvature over time", "slow curvature over the angle", "lost motion"
 _TORQUE = 1e-3  # rms that stands for a torque's, rad: all that is small of an angle is a small share of it
@@ -146,30 +146,21 @@ def _step(angle: Array) -> float:
 
 def _is_torque_record(run: Run) -> bool:
     angles = sum(column is not None for column in (run.input_angle, run.output_angle))
-    return run.te_column is None and angles == 1 and torque_column(run.extra) is not None
+    return run.te_column is None and angles == 1 and run.torque_record is not None
 
 
 def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Array, int]:
     """Nominal output angle and the signal of a run, and how many samples at its start are no steady motion."""
     if quantity == "angle":
         return run.nominal_angle(drive), run.error(drive), 0
-    column = torque_column(run.extra)
-    assert column is not None
-    try:
-        factor = units.unit_factor(column.partition("[")[2].rstrip("]"), "torque")
-    except ValueError as problem:
-        raise InputError(f"{name}: {column}: {problem}") from problem
-    values = run.extra[column] * factor
-    if not np.isfinite(values).all():
-        missing = int(np.count_nonzero(~np.isfinite(values)))
-        raise InputError(f"{name}: {column}: {missing} cells hold no number; delete or complete those rows")
+    assert run.torque_record is not None
     theta = run.output_angle if run.output_angle is not None else run.nominal_angle(drive)
     clock = np.arange(theta.size, dtype=np.float64) if run.time is None else run.time
     speed = np.abs(slope(theta, clock))
     steady = np.flatnonzero(speed > 0.5 * np.median(speed))
     first = int(steady[0]) if steady.size else 0
     # the drive swings about its speed for as long again as it takes to reach it
-    return theta, values, min(2 * first, theta.size // 4)
+    return theta, run.torque_record, min(2 * first, theta.size // 4)
 
 
 def _centred_power(values: Array, power: int) -> Array:

@@ -1,4 +1,4 @@
-"""A bench's own file by way of a mapping: which format it is, which of its columns are meant, and what they hold."""
+"""A bench's own file by way of a mapping: which format it is, its header, and what the columns that are meant hold."""
 
 from __future__ import annotations
 
@@ -8,28 +8,32 @@ from typing import NoReturn
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.runs.bench import hdf5 as bench_hdf5, tdms as bench_tdms
-from rverror.runs.bench.columns import BenchFile, Entry, as_samples, some_names
-from rverror.runs.bench.header import read_header
-from rverror.runs.bench.mapping import BenchMapping, ColumnRule, Where
-from rverror.runs.bench.mat import open_mat
-from rverror.runs.bench.text import open_text
-from rverror.runs.bench.unit_words import meant_unit, unit_scale
+from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
+from rverror.runs.bench.columns import BenchFile, Entry, some_names
+from rverror.runs.bench.mapping import BenchMapping, ColumnRule, HeaderRule, Where, meant_unit, unit_scale
+from rverror.runs.bench.text import number_in, open_text
 from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
 from rverror.runs.reading import (
     COLUMN_NAME,
     COLUMNS,
     EXAMPLES,
+    HEADER_KEYS,
+    ORDER_CONDITIONS,
     ORDER_EXAMPLES,
     SPEEDS,
+    STATED,
+    Header,
     Reading,
+    Stated,
     bare_name,
     check_lengths,
     check_needed,
+    checked_value,
     refuse,
 )
 
@@ -68,10 +72,10 @@ def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Mapping[str
     """
     kind = _kind(path)
     readers: dict[str, Callable[[PathLike], BenchFile]] = {
-        "HDF5": bench_hdf5.open_hdf5,
+        "HDF5": open_hdf5,
         "MAT": open_mat,
-        "MAT 7.3": lambda path: bench_hdf5.open_hdf5(path, "MAT"),
-        "TDMS": bench_tdms.open_tdms,
+        "MAT 7.3": lambda path: open_hdf5(path, "MAT"),
+        "TDMS": open_tdms,
         "archive": _refuse_archive,
         "text": lambda path: open_text(path, mapping.text, _wanted(mapping), standard),
     }
@@ -91,21 +95,15 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
                           "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
     rules = dict(mapping.columns) or standard_rules(file, mapping, COLUMNS)
-    kept = dict(mapping.keep) if mapping.columns else {**_others(file, rules), **mapping.keep}
-    check_needed(
-        file.path,
-        mapping.path or file.place or "columns",
-        [*(SPEEDS.get(key, key) for key in rules), *kept],
-        _remedy(file, mapping),
-    )
+    others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
+    names = [*(SPEEDS.get(key, key) for key in rules), *others]
+    check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
     entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    entries |= {key: found_entry(file, mapping, where) for key, where in kept.items()}
     stored = dict(zip(entries, file.read(entries.values()), strict=True))
     sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
     check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
     columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
-    extra = {key: as_samples(file.path, shown(entries[key].name, 60), stored[key]) for key in kept}
     size = next(iter(sizes.values()))
     if "time" not in columns:
         columns |= _clock(file, [entries[key] for key in rules], size, notes)
@@ -114,7 +112,6 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     reading = Reading(
         path=file.path,
         columns=columns,
-        extra=extra,
         labels=file.rows(size),
         noun=file.noun,
         notes=tuple(notes),
@@ -129,7 +126,7 @@ def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
     if not unused:
         return []
     count = count_of(len(unused), "column")
-    return [f"{count} of the file left out, not in the mapping: {some_names(unused)}"]
+    return [f"{count} of the file left out, not asked for: {some_names(unused)}"]
 
 
 # --- which format -----------------------------------------------------------------------------------------------------
@@ -142,9 +139,9 @@ def _kind(path: PathLike) -> str:
     except (OSError, ValueError):
         return "text"
     mat = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI", b"\x00\x02IM", b"\x02\x00MI")
-    if bench_hdf5.SIGNATURE in (head[:8], head[512:520]):
+    if HDF5_SIGNATURE in (head[:8], head[512:520]):
         return "MAT 7.3" if head.startswith(b"MATLAB 7.3") else "HDF5"
-    if head.startswith(bench_tdms.SIGNATURE):
+    if head.startswith(TDMS_SIGNATURE):
         return "TDMS"
     if mat and len(head) > _MAT_HEADER:
         return "MAT"
@@ -163,8 +160,7 @@ def _refuse_archive(path: PathLike) -> NoReturn:
 def _wanted(mapping: BenchMapping) -> list[str | int]:
     """Names or numbers of columns that a text file must have; none where the standard ones are looked for."""
     rules = [*mapping.columns.values(), *mapping.orders.values()]
-    places = [rule.where for rule in rules] + list(mapping.keep.values())
-    return [where.column or where.name for where in places] if rules else []
+    return [rule.where.column or rule.where.name for rule in rules]
 
 
 def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str, str]) -> dict[str, ColumnRule]:
@@ -213,15 +209,6 @@ def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: st
     except ValueError as error:
         file.refuse(f"{place}{key}: {str(error).partition(';')[0]}; {remedy}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
-
-
-def _others(file: BenchFile, rules: Mapping[str, ColumnRule]) -> dict[str, Where]:
-    """Columns of a run file that have no meaning here and are kept."""
-    if file.kind != "text":
-        return {}
-    known = [rule.where.column for rule in rules.values()]
-    others = {i: entry.name for i, entry in enumerate(file.entries, 1) if entry.name and i not in known}
-    return {name: Where(name=name, column=i) for i, name in others.items()}
 
 
 def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
@@ -287,3 +274,117 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
         )
     notes.append(f"time made from the interval that the file states, {intervals[0]:g} s")
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}
+
+
+def read_header(file: BenchFile, mapping: BenchMapping, notes: list[str]) -> Header:
+    """Header of a run: from the mapping, or from a file that names it as a run file does.
+
+    Parameters
+    ----------
+    notes : list of str
+        Gets what has no meaning but may be meant.
+
+    Raises
+    ------
+    InputError
+        If a value is missing, has no unit or is none.
+    """
+    stated = header_values(file, mapping, HEADER_KEYS, notes)
+    direction = stated.get("direction")
+    if direction and direction.text.lower() not in STATED:
+        hint = did_you_mean(direction.text, STATED)
+        file.refuse(
+            f"{direction.at}: direction = {shown(direction.text)}: must be forward, reverse or mixed;"
+            f"{hint or ' without it the angles tell'}"
+        )
+    return Header(
+        stated=STATED[direction.text.lower()] if direction else None,
+        stated_at=f"{direction.at}: " if direction else "",
+        torque=header_quantity(file, "output_torque", stated),
+        temperature=header_quantity(file, "temperature", stated),
+        index=stated["index"].text if "index" in stated else "",
+        metadata={key: value.text for key, value in stated.items()},
+    )
+
+
+def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], notes: list[str]) -> dict[str, Stated]:
+    """Values of the header by key, as written.
+
+    Parameters
+    ----------
+    keys : sequence of str
+        Those that have a meaning.
+    notes : list of str
+        Gets what has none but may be meant.
+
+    Raises
+    ------
+    InputError
+        If a value is missing.
+    """
+    # A file whose columns have names of its own may say "Direction: CW" or "Index: 3": there only a mapping tells.
+    stated: dict[str, Stated] = {}
+    if not mapping.columns and not mapping.orders:
+        properties = {key.lower(): Stated(text=text, at=f"{key} in the file") for key, text in file.properties.items()}
+        stated = dict(file.header) or {key: properties[key] for key in keys if key in properties}
+    notes += [
+        f"header key {shown(key)} in {value.at} has no meaning here and is only kept;{hint}"
+        for key, value in stated.items()
+        if key not in keys and (hint := did_you_mean(key, keys))
+    ]
+    for key, rule in mapping.header.items():
+        stated[key] = Stated(text=rule.text or _property(file, key, rule), at=rule.where.stated_at)
+    return stated
+
+
+def header_quantity(file: BenchFile, key: str, stated: Mapping[str, Stated]) -> float | None:
+    """Value of a condition in its core unit; None where the header has none.
+
+    Raises
+    ------
+    InputError
+        If it has no unit or is none.
+    """
+    if key not in stated:
+        return None
+    dimension, at = ORDER_CONDITIONS[key], stated[key].at
+    try:
+        number = units.parse(stated[key].text, dimension)
+    except ValueError as error:
+        file.refuse(f"{at}: {key}: {error}")
+    return checked_value(file.path, f"{at}: {key}", number, dimension)
+
+
+def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
+    """Text of a property, with the mapping's unit where it has none."""
+    name, at = rule.where.property, rule.where.stated_at
+    if name not in file.properties:
+        hint = did_you_mean(name, list(file.properties))
+        file.refuse(f"there is no property {shown(name, 60)} ({at});{hint} the file has {some_names(file.properties)}")
+    text = file.properties[name]
+    if rule.words:
+        if text.strip().lower() not in rule.words:
+            file.refuse(f"{key}: the property {shown(name, 60)} is {shown(text)}, {unknown_word(rule.words, at)}")
+        return rule.words[text.strip().lower()]
+    number, _, unit = text.partition(" ")
+    value = number_in(number, file.decimal)
+    if value is None or key not in ORDER_CONDITIONS:
+        return text
+    unit = meant_unit(unit.strip())
+    if rule.unit and unit not in ("", rule.unit):
+        file.refuse(
+            f"{key}: the property {shown(name, 60)} is {shown(text)}, the mapping says {rule.unit} ({at}); leave unit "
+            "out, or correct it"
+        )
+    return f"{value!r} {rule.unit or unit}".strip()
+
+
+def unknown_word(words: Mapping[str, str], at: str) -> str:
+    """What a word that means no direction ought to be, for messages.
+
+    Examples
+    --------
+    >>> unknown_word({"cw": "forward", "ccw": "reverse"}, "mapping bench.toml, line 3")
+    "must be 'cw' or 'ccw' (mapping bench.toml, line 3); correct the words there"
+    """
+    return f"must be {' or '.join(shown(word) for word in words)}{f' ({at})' if at else ''}; correct the words there"

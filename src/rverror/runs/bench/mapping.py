@@ -1,21 +1,17 @@
-"""Mapping files, TOML: how a bench names, scales and signs its columns, and where the header's values stand."""
+"""Mapping files, TOML: how a bench names, scales and signs its columns, its units, and where header values stand."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
-from rverror.base.toml import Place, TomlText, read_toml
-from rverror.runs.bench.unit_words import meant_unit, unit_scale
+from rverror.base.toml import KeyPath, TomlText, read_toml
 from rverror.runs.reading import (
     BENCH_COLUMNS,
     BENCH_EXAMPLES,
-    COLUMN_NAME,
-    COLUMNS,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
@@ -24,7 +20,60 @@ from rverror.runs.reading import (
     STATED,
 )
 
-_TOP = ("name", "file", "columns", "orders", "header", "keep")
+#: Words of the trade that pint reads as something else, or not at all.
+_SPELT = {
+    "Grad": "deg", "Deg": "deg", "DEG": "deg", "Umdrehung": "turn", "U": "turn", "rev": "turn", "revs": "turn",
+    "Nm": "N*m", "Ncm": "N*cm", "Nmm": "N*mm", "kNm": "kN*m", "Sek": "s", "Sekunden": "s",
+    "'": "arcmin", "′": "arcmin", "''": "arcsec", '"': "arcsec", "″": "arcsec",
+    "1/min": "rpm", "U/min": "rpm", "min-1": "rpm", "min^-1": "rpm",
+}  # fmt: skip
+#: Words for the counts of an encoder; the first is the mapping's.
+COUNTS = ("counts", "count", "ticks", "increments", "Inkremente", "pulses")
+
+
+def meant_unit(word: str) -> str:
+    """Unit in pint's notation that a word of the trade means.
+
+    Examples
+    --------
+    >>> meant_unit("Nm"), meant_unit("deg")
+    ('N*m', 'deg')
+    """
+    return _SPELT.get(word, word)
+
+
+def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
+    """Core units for one of a bench's unit, and its zero in core units: other than 0 of temperatures alone.
+
+    Parameters
+    ----------
+    unit : str
+        pint's notation.
+    dimension : str
+        ``angle``, ``time``, ``torque``, ``angular_speed`` or ``temperature``.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown, of another dimension, or a word that pint takes for something else.
+
+    Examples
+    --------
+    >>> unit_scale("ms", "time"), unit_scale("degC", "temperature")
+    ((0.001, 0.0), (1.0, 273.15))
+    """
+    if unit in COUNTS:
+        raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
+    if unit in _SPELT:
+        raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
+    factor, zero = units.unit_scale(unit, dimension)
+    # pint takes every number without a dimension for rad: ratio, percent, bits.
+    if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
+        raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
+    return factor, zero
+
+
+_TOP = ("name", "file", "columns", "orders", "header")
 _FILE = ("group", "encoding", "separator", "decimal", "skip")
 _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_at")
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
@@ -153,8 +202,6 @@ class BenchMapping:
         By the names of a run file; empty where the bench uses these.
     orders : mapping of str to ColumnRule
         Columns of an order table, by its names; empty where the files are runs.
-    keep : mapping of str to Where
-        Other columns that are kept, by their name in the run.
     """
 
     path: str = ""
@@ -163,7 +210,6 @@ class BenchMapping:
     columns: Mapping[str, ColumnRule] = field(default_factory=dict)
     orders: Mapping[str, ColumnRule] = field(default_factory=dict)
     header: Mapping[str, HeaderRule] = field(default_factory=dict)
-    keep: Mapping[str, Where] = field(default_factory=dict)
 
 
 def load_mapping(path: PathLike) -> BenchMapping:
@@ -195,10 +241,8 @@ def load_mapping(path: PathLike) -> BenchMapping:
     for speed, angle in SPEEDS.items():
         if {speed, angle} <= tables["columns"].keys():
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
-    if "orders" in toml.content:
-        for key in ("columns", "keep"):
-            if key in toml.content:
-                toml.refuse((key,), f"[{key}] beside [orders]: a file is a run or a table; leave out one of them")
+    if "orders" in toml.content and "columns" in toml.content:
+        toml.refuse(("columns",), "[columns] beside [orders]: a file is a run or a table; leave out one of them")
     keys = HEADER_KEYS if "orders" not in toml.content else (*HEADER_KEYS, "input_speed")
     toml.check_keys(("header",), tables["header"], keys, "key of [header]")
     return BenchMapping(
@@ -211,7 +255,6 @@ def load_mapping(path: PathLike) -> BenchMapping:
             key: _header_rule(toml, key, value, of_run="orders" not in toml.content)
             for key, value in tables["header"].items()
         },
-        keep={key: _kept(toml, key, value) for key, value in tables["keep"].items()},
     )
 
 
@@ -220,7 +263,7 @@ def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | Non
     return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
 
 
-def _table(toml: TomlText, place: Place, value: object) -> dict[str, Any]:
+def _table(toml: TomlText, place: KeyPath, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write '[{place[-1]}]' and keys below it")
     return value
@@ -261,7 +304,7 @@ def _check_encoding(toml: TomlText, name: str) -> None:
 
 
 def _where(
-    toml: TomlText, place: Place, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
+    toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, kinds: Sequence[str] = ("name", "column")
 ) -> Where:
     """The one key of name, column and property that a table holds."""
     given = [key for key in kinds if key in table]
@@ -281,11 +324,11 @@ def _where(
     return Where(name=name, property=property_, stated_at=stated_at)
 
 
-def _stated_at(toml: TomlText, place: Place) -> str:
+def _stated_at(toml: TomlText, place: KeyPath) -> str:
     return f"mapping {toml.path}" + (f", line {toml.lines[place]}" if place in toml.lines else "")
 
 
-def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) -> float | None:
+def _number(toml: TomlText, place: KeyPath, table: Mapping[str, Any], key: str) -> float | None:
     """A number above 0; None where the key is not given."""
     if key not in table:
         return None
@@ -297,7 +340,7 @@ def _number(toml: TomlText, place: Place, table: Mapping[str, Any], key: str) ->
 
 
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
-    place: Place = ("columns", key)
+    place: KeyPath = ("columns", key)
     example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
     table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
@@ -324,7 +367,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
 
 
-def column_table(toml: TomlText, place: Place, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
+def column_table(toml: TomlText, place: KeyPath, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
     """Table of a column; its name alone stands for one that holds only this.
 
     Raises
@@ -340,14 +383,14 @@ def column_table(toml: TomlText, place: Place, value: object, example: str, keys
     return table
 
 
-def _sign(toml: TomlText, place: Place, table: Mapping[str, Any]) -> float:
+def _sign(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> float:
     sign = table.get("sign", 1)
     if isinstance(sign, bool) or sign not in (1, -1):
         toml.refuse((*place, "sign"), f"sign = {shown(sign)}: must be 1 or -1; write -1 where it counts the other way")
     return float(sign)
 
 
-def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
+def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
     """Rule of a column with a unit, a sign and a scale.
 
     Parameters
@@ -383,7 +426,7 @@ def scaled_rule(toml: TomlText, place: Place, table: Mapping[str, Any], example:
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
 
 
-def _direction_words(toml: TomlText, place: Place, table: Mapping[str, Any]) -> dict[str, str]:
+def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> dict[str, str]:
     """The bench's words for the directions, in lower case; empty where the table has none."""
     given = {key: toml.string(place, table, key, "").strip().lower() for key in ("forward", "reverse") if key in table}
     for one, other in (("forward", "reverse"), ("reverse", "forward")):
@@ -403,7 +446,7 @@ def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, 
 
 
 def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
-    place: Place = ("orders", key)
+    place: KeyPath = ("orders", key)
     if key == "direction":
         example = 'name = "...", forward = "...", reverse = "..."'
         table = column_table(toml, place, value, example, ("name", "column", "forward", "reverse"))
@@ -415,7 +458,7 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
 
 
 def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
-    place: Place = ("header", key)
+    place: KeyPath = ("header", key)
     example = _HEADER_EXAMPLES[key]
     dimension = ORDER_CONDITIONS.get(key)
     if isinstance(value, dict):
@@ -446,12 +489,3 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
     return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))
-
-
-def _kept(toml: TomlText, key: str, value: object) -> Where:
-    place: Place = ("keep", key)
-    match = COLUMN_NAME.match(key)
-    if match is None or not match[1] or match[1].lower() in COLUMNS or re.search(r"[,;\r\n#]", key):
-        toml.refuse(place, f"{shown(key)} cannot name a kept column; use a plain word and [unit], like 'oil[degC]'")
-    table = column_table(toml, place, value, 'name = "..."', ("name", "column"))
-    return _where(toml, place, table, 'name = "..."')

@@ -7,21 +7,28 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import compress
 
 import numpy as np
-import numpy.typing as npt
 
+from rverror.base.arrays import Flags
 from rverror.base.directions import DIRECTIONS
 from rverror.base.numbers import count_of, way
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile, Entry
-from rverror.runs.bench.file import found_entry, left_out_columns, open_bench_file, standard_rules
-from rverror.runs.bench.header import header_quantity, header_values, unknown_word
+from rverror.runs.bench.file import (
+    found_entry,
+    header_quantity,
+    header_values,
+    left_out_columns,
+    open_bench_file,
+    standard_rules,
+    unknown_word,
+)
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
-from rverror.runs.bench.numerals import number_in
+from rverror.runs.bench.text import number_in
 from rverror.runs.bench.values import core_values
 from rverror.runs.reading import (
-    HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
+    ORDER_KEYS,
     OrderRows,
     Stated,
     bare_name,
@@ -32,8 +39,6 @@ from rverror.runs.reading import (
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
-#: Header keys of an order table that have a meaning.
-ORDER_KEYS = ("kind", *HEADER_KEYS, "input_speed")
 _STANDARD = {**ORDER_COLUMNS, "direction": ""}
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")
@@ -163,7 +168,7 @@ def _directions(
     rules: Mapping[str, ColumnRule],
     entries: Mapping[str, Entry],
     stated: Mapping[str, Stated],
-    kept: npt.NDArray[np.bool_],
+    kept: Flags,
     lines: Sequence[int],
 ) -> list[float]:
     """+1 or -1 of each row."""

@@ -9,8 +9,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
-from rverror.runs.bench.mapping import ColumnRule
-from rverror.runs.bench.unit_words import meant_unit, unit_scale
+from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_scale
 from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES
 
 _DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS

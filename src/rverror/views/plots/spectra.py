@@ -97,13 +97,13 @@ def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
     The mechanism gives the period; where there are two periods or more, they give the floor.
     """
     try:
-        cut = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
+        theta, periods = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
     except ValueError:  # fewer than two periods
         return _lines_of_travel(signal)
-    found = lines_of(cut.theta, cut.values.mean(axis=0))
-    count, n = cut.values.shape
+    found = lines_of(theta, periods.mean(axis=0))
+    count, n = periods.shape
     # a mean of so many periods has so much less variance, and a line two coefficients
-    floor = 2 * np.sqrt(noise_spectrum(cut.values) / (count * n))
+    floor = 2 * np.sqrt(noise_spectrum(periods) / (count * n))
     name = f"{way(signal.direction)}: noise of the mean of {count} periods, rms"
     return Lines(found.order, found.size, floor, name)
 

@@ -24,7 +24,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.model.results import Equilibrium, Influence
-from rverror.runs.measurement import Run, torque_column
+from rverror.runs.measurement import Run
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     NOTHING,
@@ -261,10 +261,9 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
         )
     used = 1.0 if ratio is None else ratio
     theta = run.nominal_angle(used)
-    torque = torque_column(run.extra)
+    torque = run.torque_record
     if torque is not None and (run.output_angle is None or run.input_angle is None) and run.te_column is None:
-        factor = units.unit_factor(torque[torque.index("[") + 1 : torque.rindex("]")], "torque")
-        values, quantity = run.extra[torque] * factor, "torque"
+        values, quantity = torque, "torque"
     else:
         values, quantity = run.error(used), "angle"
     ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
