@@ -265,7 +265,7 @@ def test_smooth_costs_beside_grades_against_all_grades_by_a_convex_solver(seed):
     assert limited(given, np.array(found.widths)) <= limit * (1 + 1e-12)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(10))
 def test_yield_against_a_convex_solver_for_the_units_at_the_limit(seed):
     """With the units around the quantile held, of a sample of this test's own, the limit is one row, solved by cvxpy.
 
@@ -360,7 +360,7 @@ def test_many_grades_at_a_yield():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.parametrize("seed", range(5))
 def test_never_above_the_limit(seed, share):
     given = random_stack(seed + 120, entries=(3, 5), nominal=seed % 2)
     costs = random_tables(seed + 120, given, share=share)
