@@ -20,41 +20,13 @@ from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator
 
 #: Angle, speed and acceleration at a time: rad, rad/s, rad/s^2.
-Course = Callable[[float], tuple[float, float, float]]
+Speeding = Callable[[float], tuple[float, float, float]]
 #: So many points between two samples: the shortest wave that the samples hold has eight.
 _FINER = 4
 _SWING = 0.5  # of the least stiffness at the samples, by which it may fall between them
 
 
-@dataclass(frozen=True)
-class Periodic:
-    """Rows over a period, a polynomial in each of even intervals; found faster than by splines of any intervals.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (degree + 1, intervals, r)
-        Of powers of the angle since the interval's begin, the highest first.
-    period : float
-        rad.
-    """
-
-    coefficients: Array
-    period: float
-
-    def __call__(self, theta: Any) -> Array:
-        """Rows at any angles, (..., r)."""
-        count = self.coefficients.shape[1]
-        place = np.asarray(theta) % self.period * (count / self.period)
-        at = np.minimum(place.astype(np.intp), count - 1)
-        ahead = (place - at)[..., None] * (self.period / count)
-        highest, *others = self.coefficients
-        found = highest[at]
-        for row in others:
-            found = found * ahead + row[at]
-        return np.asarray(found)
-
-
-def periodic(rows: Array, period: float) -> Periodic:
+def periodic(rows: Array, period: float) -> Any:
     """Rows between their angles: a cubic spline through many more points of their Fourier series.
 
     Parameters
@@ -66,16 +38,12 @@ def periodic(rows: Array, period: float) -> Periodic:
 
     Returns
     -------
-    Periodic
+    scipy.interpolate.CubicSpline
+        From angles, any shape, to rows, shape (..., r).
     """
-    count = rows.shape[-1]
-    waves = np.fft.rfft(rows) * _FINER
-    if count % 2 == 0:
-        waves[..., -1] /= 2  # the shortest wave stands for itself and its mirror
-    fine = np.fft.irfft(waves, _FINER * count)
-    angle = period * np.arange(_FINER * count + 1) / (_FINER * count)
-    whole = np.concatenate([fine, fine[:, :1]], axis=1).T
-    return Periodic(scipy.interpolate.CubicSpline(angle, whole, bc_type="periodic").c, period)
+    fine = scipy.signal.resample(rows, _FINER * rows.shape[-1], axis=-1)
+    angle = np.linspace(0, period, fine.shape[-1] + 1)
+    return scipy.interpolate.CubicSpline(angle, np.append(fine, fine[:, :1], axis=1).T, bc_type="periodic")
 
 
 @dataclass(frozen=True)
@@ -94,7 +62,7 @@ class Forced:
     by_acceleration: Array
 
     @cached_property
-    def _rows(self) -> Periodic:
+    def _rows(self) -> Any:
         """Stiffness, damping and the two forces over the angle, below one another.
 
         Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then stiffness and
@@ -112,11 +80,11 @@ class Forced:
             return smooth
         slope = (np.roll(rows, -1, axis=1) - rows) * (system.count / system.period)
         ahead = system.period / system.count * np.arange(_FINER) / _FINER
-        straight = smooth.coefficients.copy()
+        straight = smooth.c.copy()
         straight[:-2, :, : len(rows)] = 0
         straight[-2, :, : len(rows)] = np.repeat(slope, _FINER, axis=1).T
         straight[-1, :, : len(rows)] = (rows[..., None] + slope[..., None] * ahead).reshape(len(rows), -1).T
-        return Periodic(straight, system.period)
+        return scipy.interpolate.PPoly(straight, smooth.x, extrapolate="periodic")
 
     def at(self, theta: Any) -> tuple[Array, Array]:
         """Stiffness and damping, (..., 2, m, m), and the two forces, (..., 2, m), at any angles."""
@@ -125,7 +93,7 @@ class Forced:
 
     def in_time(
         self,
-        course: Course,
+        course: Speeding,
         times: Array,
         *,
         start: tuple[Array, Array] | None = None,
@@ -164,7 +132,7 @@ class Forced:
         from rverror.dynamics.rates import rates  # numba takes a while to import
 
         system, m = self.oscillator, self.oscillator.size
-        rows = np.ascontiguousarray(np.moveaxis(self._rows.coefficients, 0, -1))
+        rows = np.ascontiguousarray(np.moveaxis(self._rows.c, 0, -1))
 
         def asked(time: float, state: Array) -> Array:
             found = np.empty_like(state)
@@ -188,7 +156,7 @@ class Forced:
             raise InputError(f"the motion in time could not be followed ({found.message}); take a shorter time")
         return found.y[:m], found.y[m:]
 
-    def _size(self, course: Course, times: Array) -> float:
+    def _size(self, course: Speeding, times: Array) -> float:
         """How far the forces would move the softest coordinate."""
         value, _ = self.oscillator.mean_modes
         moments = np.linspace(times[0], times[-1], 9).tolist()
