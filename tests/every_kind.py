@@ -21,7 +21,7 @@ from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsi
 from rverror.matching.at_load import Quantity
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
 from rverror.runs.order_table import OrderCase, TableCondition
-from rverror.tolerances import full_budget
+from rverror.tolerances import full_budget, loaded_units
 from rverror.tolerances.cost import Grades, Reciprocal
 from rverror.tolerances.specification import Limit
 
@@ -346,7 +346,10 @@ def _efficiency(theta: Any, drives: str, direction: float) -> rverror.statics.Ef
 def every_kind() -> dict[str, tuple[Any, dict[str, Any]]]:
     """Results by kind, each with what else its tables take; some two seconds."""
     stack = rverror.tolerances.stack(MODEL, TOLERANCES, theta=THETA)
-    with mock.patch.object(full_budget, "POINTS", 8):  # each solves five units
+    with (
+        mock.patch.object(full_budget, "POINTS", 8),  # each solves five units
+        mock.patch.multiple(loaded_units, FINE=720, POSITIONS=6),  # as the fixture few_angles
+    ):
         budget = rverror.error_budget(
             MODEL, TOLERANCES, theta=THETA, torque=TORQUE, count=256, index_count=256, loaded_count=16
         )

@@ -153,13 +153,14 @@ for addition in explained.added:
         print(f"{addition.effect.key}, {estimate.name}: {size:.2f} N*m, 95 % [{low:.2f}, {high:.2f}]")
 
 # %% [markdown]
-# A wrong guess is not taken. The same effect of a motor with 24 detents leaves the verdict as it was:
+# A wrong guess is not taken, not even where nothing else is asked about. The same effect of a motor with 24 detents
+# leaves the verdict as it was:
 
 # %%
 entry = story["entry"]
 wrong = replace(entry, indices=(replace(entry.indices[0], tried=lambda mechanism: (24,)),))
 with rverror.model.extended(wrong):
-    guess = rverror.diagnose(first.declared, runs)
+    guess = rverror.diagnose(first.declared, runs, policy=rverror.diagnosis.Policy(keys=("load.cogging",)))
 print("verdict:", guess.verdict, [line.order for line in guess.unexplained], "added:", len(guess.added))
 
 # %% [markdown]

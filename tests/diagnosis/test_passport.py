@@ -65,7 +65,7 @@ def test_a_disc_holds_two_squares_over_their_noise(freedom: float) -> None:
 
 
 @pytest.mark.parametrize("stated", [False, True])
-@pytest.mark.parametrize("count", [3, 5, 12])
+@pytest.mark.parametrize("count", [3, 12])
 def test_intervals_cover_what_was_put_in(count: int, stated: bool) -> None:
     """Thousands of orders, each a draw; sizes from nothing to ten times the noise."""
     draws, noise = 1500, 1e-6

@@ -19,6 +19,8 @@ UNIT = rverror.reducer("RV-40E")
 SOFT = rverror.effect("load.torsion", compliance="0.05 arcsec/(N*m)")
 MODEL = rverror.Model(UNIT, (SOFT,))
 PLAIN = rverror.Model(UNIT)
+#: Of as much rated torque, but with few pins: its turn has fewer samples.
+FEW = rverror.Model(rverror.reducer("RV-40E", pins=12, disc_lobes=11, eccentricity=3.0, pin_radius=6.0))
 RUBBING = rverror.geartrain.Friction(pin=0.05)
 THETA = [0.0, 0.1]
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um")]
@@ -33,7 +35,7 @@ ASKED: dict[str, Callable[[Any], object]] = {
     "transmission error": lambda torque: rverror.transmission_error(MODEL, THETA, torque=torque),
     "influence": lambda torque: rverror.influence(UNIT, THETA, "load.torsion", torque=torque),
     "stack": lambda torque: rverror.tolerances.stack(MODEL, CAMS, torque=torque),
-    "stack at speed": lambda torque: rverror.tolerances.stack(PLAIN, CAMS, input_speed="300 rpm", torque=torque),
+    "stack at speed": lambda torque: rverror.tolerances.stack(FEW, CAMS, input_speed="300 rpm", torque=torque),
     "torsion curve": lambda torque: rverror.statics.torsion_curve(PLAIN, THETA, torques=[-torque, 0.0, torque]),
     "hysteresis": lambda torque: rverror.statics.hysteresis(PLAIN, [0.0], torques=np.array([torque]), friction=RUBBING),
     "efficiency": lambda torque: rverror.statics.efficiency(PLAIN, THETA, torque=torque, friction=RUBBING),
@@ -41,7 +43,7 @@ ASKED: dict[str, Callable[[Any], object]] = {
         PLAIN, THETA, torque=torque, disc_width=9.0, gear_width=8.0
     ),
     "modes": lambda torque: rverror.dynamics.modes(PLAIN, torque=torque),
-    "running up": lambda torque: rverror.dynamics.run_up(PLAIN, [0, 0.01], ["60 rpm"] * 2, torque=torque, kept=1),
+    "running up": lambda torque: rverror.dynamics.run_up(FEW, [0, 0.01], ["60 rpm"] * 2, torque=torque, kept=1),
     "simulation": lambda torque: rverror.simulate(PLAIN, points=64, torque=torque),
 }
 

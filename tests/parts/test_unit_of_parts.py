@@ -224,7 +224,8 @@ def test_diagnosis_names_what_assembly_added(tmp_path: Path) -> None:
         )
         for seed, direction in ((1, 1.0), (2, -1.0))
     ]  # fmt: skip
-    found = rverror.diagnose(unit, runs)
+    few = rverror.diagnosis.Policy(keys=("sensor.encoder_eccentricity", "crank.eccentricity", "cycloid.disc_pitch"))
+    found = rverror.diagnose(unit, runs, policy=few)
     assert [effect.key for effect in found.model.effects[len(unit.effects) :]] == ["sensor.encoder_eccentricity"]
     added = found.model.effects[-1].values
     assert added == pytest.approx((8 * rverror.ARCSEC, 3 * rverror.ARCSEC), abs=0.1 * rverror.ARCSEC)

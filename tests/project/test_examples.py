@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from diagnosed_example import found_once, outcome
 from pages import ROOT
 from scripts import run
 
@@ -15,8 +16,9 @@ ELSEWHERE = {"dask_cluster": "tolerances/test_dask_cluster.py", "extension": "pr
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
-def test_example_runs(path: Path) -> None:
+def test_example_runs(path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     if path.stem in ELSEWHERE:
         assert f'run("{path.stem}")' in (ROOT / "tests" / ELSEWHERE[path.stem]).read_text(encoding="utf-8")
     else:
-        assert "arcsec" in run(path.stem)[0]
+        with found_once(outcome(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example")):
+            assert "arcsec" in run(path.stem)[0]

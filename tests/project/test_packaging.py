@@ -53,7 +53,8 @@ one = rverror.Model(unit, (rverror.effect("crank.eccentricity", crank=0, disc=0,
 assert 18.4 < np.ptp(np.degrees(rverror.transmission_error(one, theta))) * 3600 < 18.6
 demo = files("rverror") / "data" / "demo"
 model = rverror.load_model(demo / "model.toml")
-found = rverror.diagnose(model, [rverror.load_run(demo / name) for name in ("forward.csv", "reverse.csv")])
+few = rverror.diagnosis.Policy(keys=("sensor.encoder_eccentricity", "crank.eccentricity"))
+found = rverror.diagnose(model, [rverror.load_run(demo / name) for name in ("forward.csv", "reverse.csv")], policy=few)
 assert found.added[0].effect.key == "sensor.encoder_eccentricity"
 assert "Explained" in found._repr_html_()
 for call, extra in ((found.plot, "plot"), (lambda: rverror.to_pandas(found), "tables")):

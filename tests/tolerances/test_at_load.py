@@ -19,6 +19,8 @@ from rverror.tolerances.loaded_units import LoadedTurn, LoadedUnits, instances_o
 from rverror.tolerances.loaded_yield import loaded_units, standard_draws, verified
 from rverror.tolerances.specification import Limit, limit
 
+#: Few pins, so that it is solved quickly, under the same rated torque.
+FEW_PINS = {"pins": 12, "disc_lobes": 11, "eccentricity": 3.0, "pin_radius": 6.0}
 ARM = rverror.geartrain.GravityArm(mass="20 kg", lever="0.5 m", offset="30 deg")
 EVERY_LIMIT = (
     limit("transmission_error", "30 arcsec", torque="20 N*m"),
@@ -32,7 +34,7 @@ EVERY_LIMIT = (
 
 def mixed(**changes: Any) -> tuple[rverror.Model, list[rverror.tolerances.Tolerance]]:
     """A model with declared effects, and tolerances of every way in which a source acts."""
-    unit = rverror.reducer("RV-40E", **changes)
+    unit = rverror.reducer("RV-40E", **FEW_PINS, **changes)
     declared = (
         rverror.effect("cycloid.pin_position", pin=7, radial="3 um"),
         rverror.effect("crank.bearing_clearance", clearance="1 um"),
@@ -148,7 +150,7 @@ def test_budget_of_an_arm_and_what_an_arm_is_no_load_of() -> None:
 
 def thinned(width: str = "6 um", **more: Any) -> tuple[rverror.Model, list[rverror.tolerances.Tolerance], float, float]:
     """One tolerance whose lost motion is that of the perfect unit and thinning / (r1 R): and these two, rad."""
-    unit = rverror.reducer("RV-40E")
+    unit = rverror.reducer("RV-40E", **FEW_PINS)
     tolerance = rverror.tolerance("involute.tooth_thinning", width, mean="20 um", member="sun", **more)
     perfect = float(
         rverror.lost_motion(rverror.Model(unit), 2 * np.pi * np.arange(angles.POSITIONS) / angles.POSITIONS).max()
@@ -194,7 +196,7 @@ def test_grades_beside_smooth_costs_meet_two_limits() -> None:
     )
     model, tolerances, perfect, each = thinned("12 um", cost=smooth)
     other = rverror.tolerance("involute.tooth_thinning", "6 um", mean="20 um", member="planet", cost=table)
-    asked = [Limit("lost_motion", perfect + each * 50e-3), Limit("transmission_error", 1.0, 412e3)]
+    asked = [Limit("lost_motion", perfect + each * 50e-3), Limit("lost_motion", 1.0, 412e3)]
     found = allocate_at_load(model, [*tolerances, other], asked, sample=256, verify=1500, seed=2)
     assert found.verified is not None
     assert found.verified.together_interval[0] >= 0.99

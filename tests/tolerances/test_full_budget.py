@@ -87,7 +87,7 @@ def test_limits_add_units_at_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
     model = rverror.Model(rverror.reducer("RV-40E"))
     cams = [rverror.tolerance("crank.eccentricity", "5 um"), rverror.tolerance("crank.eccentricity", "2 um", disc=0)]
     limits = [rverror.limit("transmission_error", "20 arcsec"), rverror.limit("lost_motion")]
-    monkeypatch.setattr("rverror.tolerances.full_budget.POINTS", 32)
+    monkeypatch.setattr("rverror.tolerances.full_budget.POINTS", 8)
     found = rverror.error_budget(model, cams, count=1024, index_count=256, limits=limits, loaded_count=200)
     assert found.at_load is not None
     error, lost = found.at_load.verified.limits

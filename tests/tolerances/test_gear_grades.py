@@ -150,7 +150,7 @@ def test_another_class_and_another_width_are_saved(path, tmp_path):
 def test_both_standards_and_a_curve_in_one_allocation(path):
     """Against all 12 combinations of grades, each with the widest cams that the limit leaves it."""
     items = load_tolerances(path, UNIT)
-    laid = stack(UNIT, items, theta=2 * np.pi * np.arange(480) / 480)
+    laid = stack(UNIT, items, theta=2 * np.pi * np.arange(240) / 240)
 
     def size(widths):
         return rverror.tolerances.budget(replace(laid, width=np.array(widths))).worst.peak_to_peak

@@ -103,7 +103,8 @@ def test_bounds_are_told_where_they_bind(written: Path) -> None:
     assert "Bounds and grades alone set the widths" in rverror.to_html(found)
 
 
-def test_text_and_progress_of_a_budget_at_the_load(written: Path) -> None:
+@pytest.mark.usefixtures("few_angles")
+def test_text_and_progress_of_a_budget_at_the_load() -> None:
     model = rverror.Model(rverror.reducer("RV-40E"))
     cams = [rverror.tolerance("crank.eccentricity", "5 um")]
     said: list[str] = []

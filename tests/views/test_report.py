@@ -523,18 +523,19 @@ def hostile(found: Diagnosis, name: str) -> Diagnosis:
                    unexplained=(line,), candidates=(Candidate(name, {}, 1.0),), verdict="unexplained")  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "<script>alert(1)</script>",
-        '"><img src=x onerror=alert(1)>',
-        "]]>--></pre></title><b>bold</b><!--",
-        "&lt;b&gt; & so on",
-    ],
+BREAKING = (
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "]]>--></pre></title><b>bold</b><!--",
+    "&lt;b&gt; & so on",
 )
+
+
+@pytest.mark.parametrize("name", [*BREAKING, " ".join(BREAKING)])
 def test_names_cannot_break_out_of_the_page(result: Outcome, name: str) -> None:
+    """Each by itself in the words; in the pictures, which take long, all of them in one name."""
     found = hostile(result.diagnosis, name)
-    found = replace(found, traces=found.traces[:1])
+    found = replace(found, traces=() if name in BREAKING else found.traces[:1])
     text = to_html(found, files=[InputFile(name, name, 1)])
     assert_self_contained(text)
     page = Page(text)
@@ -603,7 +604,8 @@ def test_the_picture_is_a_png_of_a_size_to_look_at(result: Outcome) -> None:
 
 def test_pictures_are_the_same_each_time(result: Outcome) -> None:
     assert to_bytes(figure_of(result.diagnosis), "png") == (result.folder / "picture.png").read_bytes()
-    assert svg_element(figure_of(result.diagnosis)) == svg_element(figure_of(result.diagnosis))
+    first, second = (svg_element(figure_of(diagnosis())) for _ in range(2))
+    assert first == second
 
 
 def test_a_diagnosis_of_a_drive_is_reported_the_same_way(tmp_path: Path) -> None:

@@ -83,18 +83,18 @@ def test_each_dimension_makes_a_frame_of_the_same_values_and_units(kind: str, di
         frame = to_pandas(result, rows=rows, display=display)
         assert len(frame) == found.sizes[rows]
         assert frame.attrs["kind"] == found.attrs["kind"]
-        for name in found.variables:
+        for name, one in found.variables.items():
             column = str(name).removeprefix(f"{rows}_")
-            if found[name].dims == (rows,) and not str(name).endswith("unit"):
-                assert frame[column].tolist() == pytest.approx(found[name].values.tolist(), nan_ok=True)
-                assert frame.attrs["units"].get(column, "") == found[name].attrs.get("units", "")
+            if one.dims == (rows,) and not str(name).endswith("unit"):
+                kept = frame[column].to_numpy(one.dtype)
+                np.testing.assert_array_equal(kept, one.values, err_msg=str(name), strict=True)
+                assert frame.attrs["units"].get(column, "") == one.attrs.get("units", "")
                 seen.add(name)
-            if found[name].dims == ():
-                assert frame.attrs[str(name)] == found[name].item()
-                assert frame.attrs["units"][str(name)] == found[name].attrs["units"]
-    assert {name for name in found.variables if found[name].dims and len(found[name].dims) == 1} - seen <= {
-        name for name in found.variables if str(name).endswith("unit")
-    }
+            if one.dims == ():
+                assert frame.attrs[str(name)] == one.values.item()
+                assert frame.attrs["units"][str(name)] == one.attrs["units"]
+    rows_of_one = {name for name, one in found.variables.items() if len(one.dims) == 1}
+    assert rows_of_one - seen <= {name for name in found.variables if str(name).endswith("unit")}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -211,8 +211,16 @@ def _course(time: Array, turn: Array, *, smooth: bool) -> Callable[[Any], tuple[
         speed = scipy.interpolate.CubicHermiteSpline(time, turn, np.zeros_like(turn))
     else:
         speed = scipy.interpolate.PPoly(np.stack([np.diff(turn) / np.diff(time), turn[:-1]]), time)
-    angle, acceleration = speed.antiderivative(), speed.derivative()
-    return lambda at: (angle(at), speed(at), acceleration(at))
+    rows = [speed.antiderivative().c, speed.c, speed.derivative().c]
+    # one polynomial of all three: an integration asks for them some ten thousand times
+    padded = [np.concatenate([np.zeros((len(rows[0]) - len(one), one.shape[1])), one]) for one in rows]
+    whole = scipy.interpolate.PPoly(np.stack(padded, axis=-1), time)
+
+    def course(at: Any) -> tuple[Any, Any, Any]:
+        angle, turning, acceleration = whole(at).T
+        return angle, turning, acceleration
+
+    return course
 
 
 def _begun(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:

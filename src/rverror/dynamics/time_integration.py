@@ -62,19 +62,15 @@ class Forced:
     by_acceleration: Array
 
     @cached_property
-    def _forces(self) -> Any:
-        return periodic(np.concatenate([self.by_speed, self.by_acceleration]), self.oscillator.period)
+    def _rows(self) -> Any:
+        """Stiffness, damping and the two forces over the angle, below one another.
 
-    @cached_property
-    def _matrices(self) -> Any:
-        """Stiffness and damping over the angle, below one another.
-
-        Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then it goes
-        straight from sample to sample.
+        Where stiffness jumps, as flanks close, its series swings beside the jump, and below nothing; then stiffness and
+        damping go straight from sample to sample.
         """
         system, m = self.oscillator, self.oscillator.size
         rows = np.concatenate([system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1)])
-        smooth = periodic(rows, system.period)
+        smooth = periodic(np.concatenate([rows, self.by_speed, self.by_acceleration]), system.period)
         between = system.period * (np.arange(_FINER * system.count) + 0.5) / (_FINER * system.count)
         least, told = (
             np.linalg.eigvalsh(matrices.reshape(-1, m, m)).min()
@@ -82,14 +78,18 @@ class Forced:
         )
         if least >= told - _SWING * abs(told):
             return smooth
-        angle, slope = np.linspace(0, system.period, system.count + 1), np.roll(rows, -1, axis=1) - rows
-        lines = np.stack([slope.T * (system.count / system.period), rows.T])
-        return scipy.interpolate.PPoly(lines, angle, extrapolate="periodic")
+        slope = (np.roll(rows, -1, axis=1) - rows) * (system.count / system.period)
+        ahead = system.period / system.count * np.arange(_FINER) / _FINER
+        straight = smooth.c.copy()
+        straight[:-2, :, : len(rows)] = 0
+        straight[-2, :, : len(rows)] = np.repeat(slope, _FINER, axis=1).T
+        straight[-1, :, : len(rows)] = (rows[..., None] + slope[..., None] * ahead).reshape(len(rows), -1).T
+        return scipy.interpolate.PPoly(straight, smooth.x, extrapolate="periodic")
 
     def at(self, theta: Any) -> tuple[Array, Array]:
         """Stiffness and damping, (..., 2, m, m), and the two forces, (..., 2, m), at any angles."""
-        m, shape = self.oscillator.size, np.shape(theta)
-        return self._matrices(theta).reshape(*shape, 2, m, m), self._forces(theta).reshape(*shape, 2, m)
+        m, shape, rows = self.oscillator.size, np.shape(theta), self._rows(theta)
+        return rows[..., : 2 * m * m].reshape(*shape, 2, m, m), rows[..., 2 * m * m :].reshape(*shape, 2, m)
 
     def in_time(
         self,
@@ -129,21 +129,21 @@ class Forced:
         Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
         the stiffness above nothing; scipy's DOP853 takes the steps.
         """
-        system, m = self.oscillator, self.oscillator.size
+        from rverror.dynamics.rates import rates  # numba takes a while to import
 
-        def rates(time: float, state: Array) -> Array:
-            theta, speed, acceleration = course(time)
-            (stiffness, damping), (by_speed, by_acceleration) = self.at(theta)
-            stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            force = speed**2 * by_speed + acceleration * by_acceleration
-            force -= stiffness @ state[:m] + (damping + speed * system.turning) @ state[m:]
-            return np.concatenate([state[m:], force])
+        system, m = self.oscillator, self.oscillator.size
+        rows = np.ascontiguousarray(np.moveaxis(self._rows.c, 0, -1))
+
+        def asked(time: float, state: Array) -> Array:
+            found = np.empty_like(state)
+            rates(state, *course(time), rows, system.period, system.centrifugal, system.turning, found)
+            return found
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
         scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
         found = scipy.integrate.solve_ivp(
-            rates,
+            asked,
             (times[0], times[-1]),
             first,
             "DOP853",

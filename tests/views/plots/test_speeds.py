@@ -56,7 +56,7 @@ def test_lines_of_orders_meet_the_natural_frequency_at_the_critical_speed(found:
 
 def test_crossings_are_numbered_and_named() -> None:
     """Input speed at which order times output speed is the frequency: 60 f R / order."""
-    found = speed_response(MODEL, np.linspace(500, 9000, 10) * RPM, torque="100 N*m")
+    found = speed_response(MODEL, np.array([500, 9000]) * RPM, torque="100 N*m")
     ax = found.plot(kind="campbell", most=3)
     told = ax.get_legend().get_title().get_text().splitlines()
     assert told[0] == f"mode 1: {found.frequency[0]:.4g} Hz"
