@@ -118,19 +118,20 @@ def settled(
     """The fit of runs with these effects added, and with the noise that they leave."""
     first = begin(declared, runs_of(true, conditions, points=points, **more), points=points)
     start = replace(first.model, effects=(*declared.effects, *added))
-    return fitted(renoised(fitted(evaluated(first.bench, start, declared), steps=30)), steps=30)
+    return fitted(renoised(fitted(evaluated(first.run_set, start, declared), steps=30)), steps=30)
 
 
 def beside(fit: Fit, *added: Effect) -> Fit:
     """What is declared of a fit with other effects added, fitted under the same noise."""
     start = replace(fit.declared, effects=(*fit.declared.effects, *added))
-    return fitted(evaluated(fit.bench, start, fit.declared), steps=30)
+    return fitted(evaluated(fit.run_set, start, fit.declared), steps=30)
 
 
 def search_of(fit: Fit, keys: Collection[str] = (), *, offsets: Sequence[float] = (), **rules: Any) -> Search:
     """A search from what is declared, under the noise of a fit, for causes of some keys or of all."""
     policy = replace(POLICY, keys=tuple(keys), **rules)
-    return Search(beside(fit), candidates_of(fit.declared, fit.bench.records, policy), policy, Journal(quiet), offsets)
+    candidates = candidates_of(fit.declared, fit.run_set.records, policy)
+    return Search(beside(fit), candidates, policy, Journal(quiet), offsets)
 
 
 def quiet(_: str) -> None:

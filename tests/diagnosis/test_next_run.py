@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from rverror import CATALOGUE, Drive, Effect, effect, reducer
-from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.pairs import Pair, closed_form_states
 from rverror.geartrain.kinematics import folded_order
 
 UNIT = reducer("RV-40E")
 STATES = closed_form_states(UNIT)
-ONE_WAY = Circumstances(directions=frozenset({1.0}), samples_per_turn=4096.0, torques=frozenset({20e3}))
+ONE_WAY = Coverage(directions=frozenset({1.0}), samples_per_turn=4096.0, torques=frozenset({20e3}))
 BOTH = replace(ONE_WAY, directions=frozenset({1.0, -1.0}))
 CRANK = effect("crank.eccentricity", crank=0, disc=0, radial="5 um", tangential="-2 um")
 ORDER_40: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -58,11 +58,11 @@ def test_the_missing_direction_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize("other", [{"crank": 1, "disc": 0}, {"crank": 0, "disc": 1}])
-@pytest.mark.parametrize("bench", [ONE_WAY, BOTH])
-def test_which_crank_or_disc_needs_light_load(bench: Circumstances, other: dict[str, int]) -> None:
-    pair = Pair(UNIT, CRANK, ("crank.eccentricity", other), bench, STATES, STATES)
+@pytest.mark.parametrize("coverage", [ONE_WAY, BOTH])
+def test_which_crank_or_disc_needs_light_load(coverage: Coverage, other: dict[str, int]) -> None:
+    pair = Pair(UNIT, CRANK, ("crank.eccentricity", other), coverage, STATES, STATES)
     assert pair.both < 0.01
-    steps = to_separate(UNIT, CRANK, [("crank.eccentricity", other)], bench)
+    steps = to_separate(UNIT, CRANK, [("crank.eccentricity", other)], coverage)
     assert steps[0].name == "light load"
     assert "2 N*m where these had 20 N*m" in steps[0].what
     assert not {"reverse", "heavy load", "longer"} & set(names(steps))
@@ -139,7 +139,7 @@ def test_a_lone_cause_of_the_measuring_chain_can_be_proved() -> None:
 # --- geared drives, whose runs may cover a part of a turn -------------------------------------------------------------
 
 DRIVE = Drive(ratio=14.0, shafts={"motor": 14.0, "idler": 14.0, "stage": 15.0, "output": 1.0})
-SHORT = Circumstances(directions=frozenset({1.0}), samples_per_turn=math.inf, travel=(1.0, 1.7))
+SHORT = Coverage(directions=frozenset({1.0}), samples_per_turn=math.inf, travel=(1.0, 1.7))
 TURNS = replace(SHORT, travel=None)
 ECCENTRIC, RATIO, DRIFT, DELAY, COUPLING, MOTOR, IDLER, STAGE, OUTPUT = (
     ("sensor.encoder_eccentricity", {}),
@@ -151,8 +151,8 @@ ECCENTRIC, RATIO, DRIFT, DELAY, COUPLING, MOTOR, IDLER, STAGE, OUTPUT = (
 )
 
 
-def pair_of(effect: Effect, other: Any, bench: Circumstances) -> Pair:
-    return Pair(DRIVE, effect, other, bench, closed_form_states(DRIVE, bench.travel), closed_form_states(DRIVE))
+def pair_of(effect: Effect, other: Any, coverage: Coverage) -> Pair:
+    return Pair(DRIVE, effect, other, coverage, closed_form_states(DRIVE, coverage.travel), closed_form_states(DRIVE))
 
 
 @pytest.mark.parametrize("half", [0.2, 0.35, 1.0])

@@ -59,9 +59,9 @@ def test_what_the_score_counts_of_a_size_is_the_density_that_the_lot_says(law: s
     error = 100 * ARCSEC * np.cos(theta) + 300 * ARCSEC * np.random.default_rng(2).normal(size=200)
     record = replace(record_of(error, theta), torque=None, noise=RunNoise(np.zeros(0), 300 * ARCSEC))
     prior = prior_of(rverror.tolerance(ENCODER, "60 arcsec", distribution=law))
-    bench = replace(RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False), prior=prior)
+    run_set = replace(RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False), prior=prior)
     start = BARE.with_effects(rverror.effect(ENCODER, cos="0 arcsec", sin="0 arcsec"))
-    fit, score = fitted(evaluated(bench, start, BARE), enough=1e-9), Score([(ENCODER, {})], POLICY)
+    fit, score = fitted(evaluated(run_set, start, BARE), enough=1e-9), Score([(ENCODER, {})], POLICY)
     assert fit.scale == 1
     density = norm.logpdf(fit.added[0].values, 0, deviation).sum() + math.log(TURN)  # the posterior's is without too
     told = score.of(fit).score - fit.data + float(np.linalg.slogdet(fit.covariance[:2, :2])[1])

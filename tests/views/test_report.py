@@ -28,7 +28,7 @@ from rverror import Diagnosis, Effect, Model, diagnose, equilibrium, load_model,
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.result import Addition, Candidate, Estimate, Line
 from rverror.views.describing import InputFile, input_files
-from rverror.views.diagnosis_report import bench_of
+from rverror.views.diagnosis_report import coverage_of
 from rverror.views.plots.figure import svg_element, to_bytes
 from rverror.views.plots.page_figures import figure_of
 from rverror.views.plots.spectra import lines_of
@@ -636,7 +636,7 @@ def test_what_to_measure_next_knows_the_zero_of_the_runs(result: Outcome) -> Non
 
     def bench(*labels: str) -> tuple[bool, bool]:
         traces = tuple(replace(t, index=label) for t, label in zip(result.diagnosis.traces, labels, strict=True))
-        found = bench_of(replace(result.diagnosis, traces=traces))
+        found = coverage_of(replace(result.diagnosis, traces=traces))
         return found.marks, found.shared_zero
 
     assert [t.direction for t in result.diagnosis.traces] == [1.0, -1.0]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from rverror.base.text import describe
 from rverror.base.units import to_display
-from rverror.diagnosis.pairs import Cause, Circumstances as Circumstances, Pair, closed_form_states, is_delay
+from rverror.diagnosis.pairs import Cause, Coverage as Coverage, Pair, closed_form_states, is_delay
 from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import Source
@@ -96,20 +96,20 @@ _RULES = (
         "marks",
         "the same runs with the bench's zero on the marks of crank and carrier",
         "they differ in phase alone, which an unknown zero hides",
-        lambda p: not p.bench.marks and p.effect.key == p.other[0],
+        lambda p: not p.coverage.marks and p.effect.key == p.other[0],
     ),
     _Rule(
         "reverse",
         "a run {direction} at the same load",
         "in one direction another leaves {now} of the waveform, in both directions together {both}",
-        lambda p: len(p.bench.directions) == 1 and p.differs(p.both, p.now) and not p.either(_is_drift),
+        lambda p: len(p.coverage.directions) == 1 and p.differs(p.both, p.now) and not p.either(_is_drift),
     ),
     _Rule(
         "whole turn",
         "a run over a whole output turn or more",
         "over {travel} deg {named} cannot be told from {others} ({now} of the waveform differs), over whole turns "
         "{whole} does",
-        lambda p: p.bench.travel is not None and p.differs(p.whole, p.now),
+        lambda p: p.coverage.travel is not None and p.differs(p.whole, p.now),
     ),
     _Rule(
         "return",
@@ -173,15 +173,15 @@ _LAST = _Rule(
 _PROOFS = {"encoder": _is_reading, "input coupling": _is_input_coupling}
 
 
-def _words(bench: Circumstances, mechanism: Mechanism, pairs: Sequence[Pair]) -> dict[str, str]:
+def _words(coverage: Coverage, mechanism: Mechanism, pairs: Sequence[Pair]) -> dict[str, str]:
     """What rules fill in."""
-    low, high = bench.travel or (0.0, 2 * math.pi)
-    direction = _other_direction(bench)
+    low, high = coverage.travel or (0.0, 2 * math.pi)
+    direction = _other_direction(coverage)
     return {
         "direction": direction,
-        "and_back": f", and one {direction}" if len(bench.directions) == 1 else "",
-        "heavier": _load(bench, mechanism, 10),
-        "lighter": _load(bench, mechanism, 0.1),
+        "and_back": f", and one {direction}" if len(coverage.directions) == 1 else "",
+        "heavier": _load(coverage, mechanism, 10),
+        "lighter": _load(coverage, mechanism, 0.1),
         "travel": f"{math.degrees(high - low):.3g}",
         "named": describe(pairs[0].effect.key, pairs[0].effect.indices) if pairs else "",
         "others": " or ".join(describe(*pair.other) for pair in pairs),
@@ -198,11 +198,11 @@ def _percent(shares: Sequence[float]) -> str:
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def _load(bench: Circumstances, mechanism: Mechanism, factor: float) -> str:
+def _load(coverage: Coverage, mechanism: Mechanism, factor: float) -> str:
     """``, for instance 2 N*m where these had 20 N*m``; nothing where no load is known."""
-    if not bench.torques:
+    if not coverage.torques:
         return ""
-    now = min(bench.torques) if factor < 1 else max(bench.torques)
+    now = min(coverage.torques) if factor < 1 else max(coverage.torques)
     most = mechanism.rated_torque if isinstance(mechanism, Reducer) else None
     wanted = min(factor * now, most or math.inf)
     if factor > 1 and wanted < 1.5 * now:
@@ -211,8 +211,8 @@ def _load(bench: Circumstances, mechanism: Mechanism, factor: float) -> str:
     return ", for instance {} where these had {}".format(*shown)
 
 
-def _other_direction(bench: Circumstances) -> str:
-    return "in reverse" if bench.directions == {1.0} else "forward"
+def _other_direction(coverage: Coverage) -> str:
+    return "in reverse" if coverage.directions == {1.0} else "forward"
 
 
 def _needed(mechanism: Mechanism) -> int:
@@ -223,7 +223,7 @@ def _needed(mechanism: Mechanism) -> int:
 
 
 def to_separate(
-    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], bench: Circumstances
+    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], coverage: Coverage
 ) -> tuple[Measurement, ...]:
     """Measurements that would tell a named cause from others that explain the runs as well.
 
@@ -234,7 +234,7 @@ def to_separate(
         The named cause with its fitted size.
     others : sequence of (str, mapping)
         Keys and indices of the others.
-    bench : Circumstances
+    coverage : Coverage
         What the runs cover.
 
     Returns
@@ -245,16 +245,16 @@ def to_separate(
     Examples
     --------
     >>> from rverror import effect, reducer
-    >>> bench = Circumstances(directions=frozenset({1.0}), samples_per_turn=4096)
+    >>> coverage = Coverage(directions=frozenset({1.0}), samples_per_turn=4096)
     >>> found = effect("crank.eccentricity", crank=0, disc=0, radial="5 um")
     >>> bore = ("cycloid.disc_bore_position", {"disc": 0, "crank": 0})
-    >>> to_separate(reducer("RV-40E"), found, [bore], bench)[0].what
+    >>> to_separate(reducer("RV-40E"), found, [bore], coverage)[0].what
     'a run in reverse at the same load'
     """
     if others:
         whole = closed_form_states(mechanism)
-        seen = closed_form_states(mechanism, bench.travel) if bench.travel else whole
-        pairs = [Pair(mechanism, effect, other, bench, seen, whole) for other in others]
+        seen = closed_form_states(mechanism, coverage.travel) if coverage.travel else whole
+        pairs = [Pair(mechanism, effect, other, coverage, seen, whole) for other in others]
         chosen = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
         chosen.append((_LAST, [pair for pair in pairs if not any(pair in settled for _, settled in chosen)]))
         chosen = [(rule, settled) for rule, settled in chosen if settled]
@@ -263,7 +263,7 @@ def to_separate(
         chosen = [(rule, []) for rule in _RULES if rule.name in _PROOFS and _PROOFS[rule.name](entry)]
     found = []
     for rule, settled in chosen:
-        words = _words(bench, mechanism, settled)
+        words = _words(coverage, mechanism, settled)
         separates = tuple(pair.other for pair in settled)
         found.append(Measurement(rule.name, rule.what.format(**words), rule.why.format(**words), separates))
     return tuple(found)
@@ -304,7 +304,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     )
 
 
-def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Circumstances) -> tuple[Measurement, ...]:
+def to_place(mechanism: Mechanism, orders: Sequence[float], coverage: Coverage) -> tuple[Measurement, ...]:
     """Measurements that would place lines which no candidate explains.
 
     Parameters
@@ -312,7 +312,7 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Circumstances
     mechanism : Reducer or Drive
     orders : sequence of float
         Of the lines, per output turn.
-    bench : Circumstances
+    coverage : Coverage
 
     Returns
     -------
@@ -320,18 +320,18 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], bench: Circumstances
     """
     if not orders:
         return ()
-    words = _words(bench, mechanism, ())
+    words = _words(coverage, mechanism, ())
     found = []
-    if math.isfinite(bench.samples_per_turn):
-        count = max(_needed(mechanism), math.ceil(2.5 * bench.samples_per_turn))
-        known = [f for order in orders for f in folds(mechanism, order, bench.samples_per_turn) if f.frames]
+    if math.isfinite(coverage.samples_per_turn):
+        count = max(_needed(mechanism), math.ceil(2.5 * coverage.samples_per_turn))
+        known = [f for order in orders for f in folds(mechanism, order, coverage.samples_per_turn) if f.frames]
         above = f"order {known[0].order:g}, {known[0].frames[0]}," if known else "a line above it"
         why = (
-            f"the Nyquist order was {bench.samples_per_turn / 2:g}: {above} would have folded to here; what folded "
+            f"the Nyquist order was {coverage.samples_per_turn / 2:g}: {above} would have folded to here; what folded "
             "then moves, a true line stays"
         )
         found.append(Measurement("sampling", f"a run with {count} samples an output turn", why))
-    if len(bench.directions) == 1:
+    if len(coverage.directions) == 1:
         what = f"a run {words['direction']} at the same load"
         found.append(Measurement("reverse", what, "what changes with the direction comes from loaded contacts"))
     what = f"the same runs with the output encoder remounted by {_half_period(orders[0]):.4g} degrees"

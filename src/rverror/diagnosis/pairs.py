@@ -28,7 +28,7 @@ States = Mapping[float, tuple[Pose, ContactForces]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Circumstances:
+class Coverage:
     """What the runs at hand cover.
 
     Attributes
@@ -67,7 +67,7 @@ class Pair:
     effect : Effect
         The named cause with its size.
     other : tuple of str and mapping
-    bench : Circumstances
+    coverage : Coverage
     seen, whole_turns : mapping of float to (Pose, mapping)
         Motion and closed-form forces in each direction, from `closed_form_states`: over what the runs cover, and over
         whole turns.
@@ -76,7 +76,7 @@ class Pair:
     mechanism: Mechanism
     effect: Effect
     other: Cause
-    bench: Circumstances
+    coverage: Coverage
     seen: States
     whole_turns: States
 
@@ -88,12 +88,12 @@ class Pair:
     @cached_property
     def now(self) -> float:
         """Share of the named cause's waveform that the other cannot make, in the directions that were run."""
-        return self._left(self.seen, self.bench.directions, together=self.bench.shared_zero)
+        return self._left(self.seen, self.coverage.directions, together=self.coverage.shared_zero)
 
     @cached_property
     def whole(self) -> float:
         """The same over whole turns."""
-        return self._left(self.whole_turns, self.bench.directions, together=self.bench.shared_zero)
+        return self._left(self.whole_turns, self.coverage.directions, together=self.coverage.shared_zero)
 
     @cached_property
     def both(self) -> float:

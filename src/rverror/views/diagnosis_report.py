@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, in_arcsec, way
 from rverror.base.text import describe
-from rverror.diagnosis.next_run import Circumstances, Measurement, folds, to_place, to_separate
+from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
 from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
@@ -59,12 +59,12 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
 # --- what to measure next ---------------------------------------------------------------------------------------------
 
 
-def bench_of(diagnosis: Diagnosis) -> Circumstances:
+def coverage_of(diagnosis: Diagnosis) -> Coverage:
     """What the runs of a diagnosis cover."""
     torques = {torque for trace in diagnosis.traces if (torque := trace.torque) is not None}
     longest = max(diagnosis.traces, key=lambda trace: turns_of(trace.theta), default=None)
     part = longest.theta if longest is not None and turns_of(longest.theta) < 1 else None
-    return Circumstances(
+    return Coverage(
         directions=frozenset(1.0 if trace.direction > 0 else -1.0 for trace in diagnosis.traces) or frozenset({1.0}),
         samples_per_turn=samples_per_turn(diagnosis),
         torques=frozenset(torques),
@@ -82,14 +82,14 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
     """What to measure next, with the addition that each measurement is about; of runs: a table's passport says more."""
     if diagnosis.shares:
         return []
-    bench, unit = bench_of(diagnosis), diagnosis.declared.mechanism
+    coverage, unit = coverage_of(diagnosis), diagnosis.declared.mechanism
     found: list[tuple[Addition | None, Measurement]] = []
     for addition in diagnosis.added:
         keys = (addition.effect.key, *(key for key, _ in addition.indistinguishable))
         if all(key in CATALOGUE and CATALOGUE[key].is_cause for key in keys):
-            steps = to_separate(unit, addition.effect, addition.indistinguishable, bench)
+            steps = to_separate(unit, addition.effect, addition.indistinguishable, coverage)
             found += [(addition, step) for step in steps]
-    steps = to_place(unit, [line.order for line in diagnosis.unexplained], bench)
+    steps = to_place(unit, [line.order for line in diagnosis.unexplained], coverage)
     reading = diagnosis.quantity == "angle"
     return found + [(None, step) for step in steps if reading or step.name != "encoder"]
 

@@ -52,7 +52,7 @@ def test_where_noise_is_little_an_interval_is_as_wide_as_the_model_s_own_error(n
     own = POLICY.model_error
     for phase in (0.3, 1.1, 2.0):
         fit = encoded(math.sqrt(2) * own * np.cos(THETA - phase), noise)
-        half = [fit.bench.half_width(float(variance)) for variance in spread(fit)[:2]]
+        half = [fit.run_set.half_width(float(variance)) for variance in spread(fit)[:2]]
         assert half == pytest.approx([1.96 * own] * 2, rel=0.03)
         assert math.hypot(*fit.model.effects[0].values) == pytest.approx(math.sqrt(2) * own, rel=1e-3)
         assert np.all(np.abs(fit.model.effects[0].values) < half)
@@ -62,7 +62,7 @@ def test_where_noise_is_much_an_interval_is_that_of_least_squares() -> None:
     """A cosine of n samples is known to sqrt(2 / n) of the noise, of which the model's own error is a hundredth."""
     noise = 100 * POLICY.model_error / ARCSEC
     fit = encoded(np.zeros(N), noise, uncertainty=1e4)
-    half = fit.bench.half_width(float(spread(fit)[0]))
+    half = fit.run_set.half_width(float(spread(fit)[0]))
     assert half == pytest.approx(1.96 * noise * ARCSEC * math.sqrt(2 / N), rel=0.05)
 
 
@@ -87,12 +87,12 @@ def right() -> Fit:
 
 def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(right: Fit) -> None:
     """Squares of a share of the cam's waves, shared by all values: of 5 % they are 25 times those of 1 %."""
-    without = evaluated(right.bench, replace(right.model, effects=()), right.declared)
+    without = evaluated(right.run_set, replace(right.model, effects=()), right.declared)
     squares = sum(float(np.sum((less[0] - both[0]) ** 2)) for less, both in zip(without.rows, right.rows, strict=True))
     through = np.diag(right.covariance @ right.gram @ right.covariance) / right.scale
     for share in (0.01, 0.05):
         policy = replace(POLICY, model_error=1e-9 * ARCSEC, added_share=share)
-        told = spread(replace(right, bench=replace(right.bench, policy=policy)))
+        told = spread(replace(right, run_set=replace(right.run_set, policy=policy)))
         grown = share**2 * squares / right.free.sum() * through[:2]
         assert told[:2] == pytest.approx(np.diag(right.covariance)[:2] + grown, rel=1e-3)
         assert told[0] > 1.05 * right.covariance[0, 0]
@@ -101,14 +101,14 @@ def test_intervals_hold_what_the_model_is_not_right_to_about_what_was_added(righ
 def test_a_cause_that_leaves_more_than_noise_is_not_named(right: Fit) -> None:
     """A wave of twice its order that is left beside a cam is said, and nothing is named; without it the cam is."""
     for wave, names in ((0.0, [CAM.key]), (2.0, [])):
-        records = [replace(r, error=r.error + wave * ARCSEC * np.cos(32 * r.theta)) for r in right.bench.records]
+        records = [replace(r, error=r.error + wave * ARCSEC * np.cos(32 * r.theta)) for r in right.run_set.records]
         runs = [
             rverror.run_from_arrays(
                 input_angle=UNIT.ratio * r.theta, output_angle=r.theta + r.error, direction=r.direction, torque=r.torque
             )
             for r in records
         ]
-        fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+        fit = fitted(evaluated(right.run_set.with_records(records), right.model, right.declared))
         search = search_of(fit, [CAM.key])
         best = search.score.of(fit)
         done = search.complete(best)
@@ -194,8 +194,8 @@ def test_a_line_that_was_freed_is_told_as_one_that_was_left() -> None:
     fit = lined(1, 2, POLICY)
     (found,) = best_lines(fit, POLICY, outside=True)
     (left,) = told_lines(fit, [], [found])
-    records = [replace(r, orders=(found.order,)) for r in fit.bench.records]
-    (free,) = told_lines(replace(fit, bench=fit.bench.with_records(records)), [found.order], [])
+    records = [replace(r, orders=(found.order,)) for r in fit.run_set.records]
+    (free,) = told_lines(replace(fit, run_set=fit.run_set.with_records(records)), [found.order], [])
     for one, other in zip(
         (free.order, free.amplitude, free.low, free.high),
         (left.order, left.amplitude, left.low, left.high),
@@ -208,8 +208,8 @@ def test_runs_that_are_all_noise_leave_stiffness_what_was_known_before() -> None
     """A quarter of the logarithm either way, half the backlash, a tenth of an exponent: times 1.96, within bounds."""
     (run,) = runs_of(Model(UNIT), ((1.0, 50e3),), points=512)
     first = begin(Model(UNIT), [run], points=512)
-    loud = [replace(r, noise=RunNoise(np.zeros(0), 1.0)) for r in first.bench.records]
-    fit = evaluated(first.bench.with_records(loud), Model(UNIT), Model(UNIT))
+    loud = [replace(r, noise=RunNoise(np.zeros(0), 1.0)) for r in first.run_set.records]
+    fit = evaluated(first.run_set.with_records(loud), Model(UNIT), Model(UNIT))
     soft = {e.name: e for e in elastic_within(fit, half_widths(fit))}
     for name in ("pin_contact", "crank_bearing", "gear_mesh", "carrier_bearing"):
         one, stated = soft[name], getattr(UNIT.stiffness, name)
@@ -261,6 +261,6 @@ def test_a_size_is_told_where_less_than_half_of_its_variance_is_left(share: floa
     record = replace(records_of(Model(UNIT), [run])[0][0], noise=RunNoise(np.zeros(0), noise))
     root = evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), Model(UNIT), Model(UNIT))
     search = search_of(root, [ENCODER.key])
-    best = search.score.of(evaluated(root.bench, Model(UNIT, (ENCODER,)), Model(UNIT)))
+    best = search.score.of(evaluated(root.run_set, Model(UNIT, (ENCODER,)), Model(UNIT)))
     (one,) = account(Model(UNIT), Model(UNIT), [run], search, search.root, best, True, []).added
     assert any("do not tell" in note for note in one.notes) != told

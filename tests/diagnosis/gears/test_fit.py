@@ -56,18 +56,18 @@ def state() -> Fit:
     records, _ = records_of(declared, runs)
     records = [replace(r, zero="A" if i < 2 else "", noise=RunNoise(np.array([0.5]), 2 * ARCSEC))
                for i, r in enumerate(records)]  # fmt: skip
-    bench = RunSet.of(SOFT, records, POLICY, points=512, anywhere=False)
+    run_set = RunSet.of(SOFT, records, POLICY, points=512, anywhere=False)
     start = rverror.Model(SOFT, (PLAY, ENCODER, CAM, PROFILE))
     step = np.concatenate(
         [[1e-3, 1e-6, 1e-6], 1e-3 * np.ones(4), [0.1, -0.1, 0.05, 0.1, 0.1, 0.1, 2e-3, 0.02, 0.03, 0.0]]
     )
-    return evaluated(bench, moved(start, np.append(step, 0.0)), declared)
+    return evaluated(run_set, moved(start, np.append(step, 0.0)), declared)
 
 
 def nudged(state: Fit, at: int, by: float) -> Fit:
     step = np.zeros(state.moment.size)
     step[at] = by
-    return evaluated(state.bench, moved(state.model, step), state.declared, state.waves)
+    return evaluated(state.run_set, moved(state.model, step), state.declared, state.waves)
 
 
 def both_ways(state: Fit, at: int, by: float) -> tuple[Fit, Fit, float]:
@@ -118,13 +118,13 @@ def test_gradient_and_curvature_of_the_objective(state: Fit) -> None:
 def test_a_zero_that_runs_share_is_taken_off_once(state: Fit) -> None:
     """Readings moved together change nothing, and a step says truly what it leaves."""
     assert state.moment[-1] == pytest.approx(0, abs=1e-6 * math.sqrt(state.gram[-1, -1] * state.data))
-    records = [replace(r, error=r.error + (90 * ARCSEC if r.zero else 0.0)) for r in state.bench.records]
-    moved_zero = evaluated(state.bench.with_records(records), state.model, state.declared, state.waves)
+    records = [replace(r, error=r.error + (90 * ARCSEC if r.zero else 0.0)) for r in state.run_set.records]
+    moved_zero = evaluated(state.run_set.with_records(records), state.model, state.declared, state.waves)
     assert moved_zero.data == pytest.approx(state.data, rel=1e-6)
     assert moved_zero.moment[:-1] == pytest.approx(state.moment[:-1], rel=1e-4, abs=1e-4 * np.abs(state.moment).max())
     step = np.zeros(state.moment.size)
     step[3:5] = 1e-5  # of the cam
-    after = evaluated(moved_zero.bench, moved(state.model, step), state.declared, state.waves)
+    after = evaluated(moved_zero.run_set, moved(state.model, step), state.declared, state.waves)
     zero = -(state.gram[-1, :-1] @ step[:-1]) / state.gram[-1, -1]
     step[-1] = zero
     left = moved_zero.data - 2 * step @ moved_zero.moment + step @ moved_zero.gram @ step
@@ -143,7 +143,7 @@ def test_priors_are_those_of_the_declaration(state: Fit) -> None:
 
 def test_squares_beyond_noise_count_by_their_logarithm(state: Fit) -> None:
     """Those of 200 values of any size; a square more counts by one over `scale`, and where noise ends by one."""
-    n = state.bench.freedom
+    n = state.run_set.freedom
     assert state.bound == pytest.approx(n + 5 * math.sqrt(2 * n))
     beyond = state.data - state.bound
     assert beyond > 0
@@ -161,7 +161,7 @@ def test_stiffness_and_sizes_come_back_within_their_uncertainty(seed: int) -> No
     declared = rverror.Model(UNIT)
     runs = runs_of(true, LOADS, seed=seed, rms=0.5)
     first = begin(declared, runs)
-    fit = evaluated(first.bench, rverror.Model(UNIT, (CAM, PROFILE)), declared)
+    fit = evaluated(first.run_set, rverror.Model(UNIT, (CAM, PROFILE)), declared)
     fit = fitted(renoised(fitted(fit, steps=40)), steps=40)
     assert fit.converged
     assert fit.data < fit.bound
@@ -193,8 +193,8 @@ def test_the_covariance_is_that_of_many_draws(monkeypatch: pytest.MonkeyPatch) -
     records, _ = records_of(rverror.Model(truth), runs)
     noise = RunNoise(np.array([0.7]), 0.5 * ARCSEC * math.sqrt(1 - 0.7**2))
     records = [replace(r, noise=noise) for r in records]
-    bench = RunSet.of(truth, records, POLICY, points=512, anywhere=False)
-    waves = evaluated(bench, model, rverror.Model(truth)).waves
+    run_set = RunSet.of(truth, records, POLICY, points=512, anywhere=False)
+    waves = evaluated(run_set, model, rverror.Model(truth)).waves
     distances, inside = [], []
     for seed in range(24):
         z = np.random.default_rng(seed).normal(size=11)
@@ -211,7 +211,7 @@ def test_the_covariance_is_that_of_many_draws(monkeypatch: pytest.MonkeyPatch) -
         )
         middle = np.array([CAM.values[0], CAM.values[1]])
         drawn = [replace(r, error=r.error + red(seed * 10 + i, r.error.size, 0.5)) for i, r in enumerate(records)]
-        own = replace(bench.with_records(drawn), unit=stated)
+        own = replace(run_set.with_records(drawn), unit=stated)
         fit = evaluated(own, model, rverror.Model(stated), waves)
         step, _ = proposed(fit)
         # the prior of a size is about nothing: what it pulls is known, 8 and 5 um of its 0.5 * plausible
@@ -230,10 +230,10 @@ def test_a_clearance_never_falls_below_nothing() -> None:
     true = rverror.Model(UNIT, (CAM,))
     declared = rverror.Model(UNIT, (PLAY,))
     first = begin(declared, runs_of(true, LOADS, points=512, rms=0.1))
-    fit = fitted(evaluated(first.bench, rverror.Model(UNIT, (PLAY, CAM)), declared), steps=40)
+    fit = fitted(evaluated(first.run_set, rverror.Model(UNIT, (PLAY, CAM)), declared), steps=40)
     assert 0 <= fit.model.effects[0].values[0] < 3e-3
     at = replace(PLAY, values=(0.0,))
-    bound = evaluated(first.bench, rverror.Model(UNIT, (at, CAM)), declared)
+    bound = evaluated(first.run_set, rverror.Model(UNIT, (at, CAM)), declared)
     step, gain = proposed(bound)
     assert step[0] >= 0
     assert gain >= -1e-6
@@ -244,7 +244,7 @@ def test_steps_never_raise_the_objective_and_end() -> None:
     true = rverror.Model(OTHER, (CAM, PROFILE))
     declared = rverror.Model(UNIT)
     fit = begin(declared, runs_of(true, LOADS[:2], points=512))
-    fit = evaluated(fit.bench, rverror.Model(UNIT, (CAM, PROFILE)), declared)
+    fit = evaluated(fit.run_set, rverror.Model(UNIT, (CAM, PROFILE)), declared)
     objectives = [fit.objective]
     for _ in range(8):
         fit = fitted(fit, steps=1)
@@ -259,7 +259,7 @@ def test_a_step_stays_within_bounds_and_the_others_make_the_best_of_it() -> None
     true, declared = rverror.Model(softened(UNIT, soft), (CAM,)), rverror.Model(UNIT, (PLAY,))
     first = begin(declared, runs_of(true, LOADS, points=512, rms=0.5))
     low_play = replace(PLAY, values=(2e-4,))
-    fit = evaluated(first.bench, rverror.Model(softened(UNIT, 0.8 * soft), (low_play, CAM)), declared)
+    fit = evaluated(first.run_set, rverror.Model(softened(UNIT, 0.8 * soft), (low_play, CAM)), declared)
     assert fit.scale == 1
     step, gain = proposed(fit)
     low, high = bounds(fit)
@@ -291,11 +291,11 @@ def test_what_a_linear_effect_promises_it_keeps_at_any_share_of_its_step() -> No
     first = begin(declared, runs_of(rverror.Model(UNIT, (read,)), LOADS[:2], points=512))
     for size in (0.0, 0.99):
         start = replace(read, values=tuple(size * v for v in read.values))
-        fit = evaluated(first.bench, rverror.Model(UNIT, (start,)), declared)
+        fit = evaluated(first.run_set, rverror.Model(UNIT, (start,)), declared)
         step, gain = proposed(fit, free=np.arange(fit.moment.size) < 2)
         assert promised(fit, step) == gain
         for share in (0.1, 0.5, 1.0):
-            then = evaluated(first.bench, moved(fit.model, share * step), declared, fit.waves)
+            then = evaluated(first.run_set, moved(fit.model, share * step), declared, fit.waves)
             assert promised(fit, share * step) == pytest.approx(fit.objective - then.objective, abs=1e-5)
 
 
@@ -305,7 +305,7 @@ def test_no_step_goes_farther_than_half_of_what_a_workshop_makes() -> None:
     read = rverror.effect("sensor.encoder_eccentricity", cos=3 * parameter.plausible)
     declared = rverror.Model(UNIT)
     first = begin(declared, runs_of(rverror.Model(UNIT, (read,)), LOADS[:2], points=512))
-    fit = evaluated(first.bench, rverror.Model(UNIT, (replace(read, values=(0.0, 0.0)),)), declared)
+    fit = evaluated(first.run_set, rverror.Model(UNIT, (replace(read, values=(0.0, 0.0)),)), declared)
     sizes = [fit.model.effects[0].values[0] / parameter.plausible]
     for _ in range(8):
         fit = fitted(fit, steps=1)
@@ -322,32 +322,32 @@ def test_where_grids_begin_at_a_sample_under_the_marks_a_contact_that_opens_is_f
     run = runs_of(rverror.Model(UNIT, (pin,)), ((1.0, 20e3),), marks=ahead)[0]
     records, _ = records_of(model, [replace(run, index="unknown")])
     records = [replace(r, noise=RunNoise(np.zeros(0), ARCSEC)) for r in records]
-    bench = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=True)
+    run_set = RunSet.of(UNIT, records, POLICY, points=1024, anywhere=True)
     exact = rverror.equilibrium(
         rverror.Model(UNIT, (pin,)), records[0].theta + ahead, torque=20e3, direction=1.0
     ).transmission_error
     off = []
-    for one in (bench, bench.anchored(ahead)):
+    for one in (run_set, run_set.anchored(ahead)):
         fit = evaluated(one, model, model)
         off.append(float(np.abs(records[0].error - fit.residual[0] - exact).max()) / ARCSEC)
     assert off[0] > 0.01
     assert off[1] < 1e-4
-    assert replace(bench, anywhere=False).anchored(ahead).conditions == bench.conditions
+    assert replace(run_set, anywhere=False).anchored(ahead).conditions == run_set.conditions
 
 
 def test_on_fewer_angles_the_same_sizes_make_nearly_the_same_state(state: Fit) -> None:
     """Every condition has so many angles over the same travel, and no more than before."""
-    coarser = state.bench.coarser(256)
-    for few, many in zip(coarser.conditions, state.bench.conditions, strict=True):
+    coarser = state.run_set.coarser(256)
+    for few, many in zip(coarser.conditions, state.run_set.conditions, strict=True):
         assert (few.turn.points, few.turn.start) == (256, many.turn.start)
         assert few.turn.points * few.turn.step == pytest.approx(many.turn.points * many.turn.step)
-    assert (coarser.records, coarser.which) == (state.bench.records, state.bench.which)
-    assert state.bench.coarser(4096) is state.bench
+    assert (coarser.records, coarser.which) == (state.run_set.records, state.run_set.which)
+    assert state.run_set.coarser(4096) is state.run_set
     moved_there = onto(coarser, state)
-    assert (moved_there.bench, moved_there.model, moved_there.declared) == (coarser, state.model, state.declared)
+    assert (moved_there.run_set, moved_there.model, moved_there.declared) == (coarser, state.model, state.declared)
     assert moved_there.data == pytest.approx(state.data, rel=0.02)
-    assert onto(state.bench, state) is state
-    assert onto(state.bench, moved_there).data == pytest.approx(state.data, rel=1e-9)
+    assert onto(state.run_set, state) is state
+    assert onto(state.run_set, moved_there).data == pytest.approx(state.data, rel=1e-9)
 
 
 def test_what_was_declared_goes_back_and_what_was_added_stays(state: Fit) -> None:
@@ -363,20 +363,21 @@ def test_stiffness_that_something_stands_on_stays() -> None:
     soft = np.zeros(10)
     soft[1] = math.log(2)
     bare = rverror.Model(UNIT)
-    bench = begin(bare, runs_of(bare, LOADS[:2], points=512)).bench
-    fit = evaluated(bench, rverror.Model(softened(UNIT, soft), (added,)), bare)
+    run_set = begin(bare, runs_of(bare, LOADS[:2], points=512)).run_set
+    fit = evaluated(run_set, rverror.Model(softened(UNIT, soft), (added,)), bare)
     assert as_declared(fit) is fit
-    other = evaluated(bench, rverror.Model(softened(UNIT, soft), (CAM,)), bare)
+    other = evaluated(run_set, rverror.Model(softened(UNIT, soft), (CAM,)), bare)
     assert as_declared(other).model.mechanism == UNIT
 
 
 def test_deviance_is_that_of_normal_noise(state: Fit) -> None:
     """Of white noise: the squares over its variance, and twice its logarithm for each sample that counts."""
     sigma = 0.4 * ARCSEC
-    bench = state.bench.with_records([replace(r, noise=RunNoise(np.zeros(0), sigma)) for r in state.bench.records])
-    fit = onto(bench, state)
+    noisy = [replace(r, noise=RunNoise(np.zeros(0), sigma)) for r in state.run_set.records]
+    run_set = state.run_set.with_records(noisy)
+    fit = onto(run_set, state)
     expected = 0.0
-    for record, rest in zip(bench.records, fit.residual, strict=True):
+    for record, rest in zip(run_set.records, fit.residual, strict=True):
         rows, left = record.nuisance[:, record.kept].T, rest[record.kept]
         left = left - rows @ np.linalg.lstsq(rows, left)[0]
         expected += float(left @ left) / sigma**2 + 2 * left.size * math.log(sigma)
@@ -402,6 +403,6 @@ def test_without_its_rows_a_fit_scores_the_same_and_gets_them_back(state: Fit) -
     assert (slim.rows, slim.raw) == ((), ())
     assert (slim.objective, slim.prior) == (state.objective, state.prior)
     assert np.array_equal(slim.covariance, state.covariance)
-    again = onto(state.bench, slim)
+    again = onto(state.run_set, slim)
     for one, other in zip(again.rows, state.rows, strict=True):
         assert one == pytest.approx(other, abs=1e-6 * np.abs(other).max())

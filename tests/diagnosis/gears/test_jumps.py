@@ -63,7 +63,7 @@ def started(turns: float) -> Fit:
 
 def seen(fit: Fit, measured: Array, predicted: Array) -> Fit:
     """The state of a fit to one run with another prediction."""
-    (record,) = fit.bench.records
+    (record,) = fit.run_set.records
     rest = measured - predicted
     white = record.whiten(rest[None])
     waves = (replace(fit.waves[0], error=predicted[: fit.waves[0].grid.points]),)
@@ -73,7 +73,7 @@ def seen(fit: Fit, measured: Array, predicted: Array) -> Fit:
 def test_beyond_noise_a_jump_is_taken_off_as_it_counts() -> None:
     """There squares count as their logarithm: with all of them taken off, moving a jump to its place would lose."""
     first = started(1.0)
-    (record,) = first.bench.records
+    (record,) = first.run_set.records
     jump = 30 * ARCSEC * np.exp(-np.arange(POINTS) / 1000)
     late, right = (np.where(np.arange(POINTS) >= at, jump, 0.0) for at in (1001, 1000))
     before, after = (seen(first, record.error + right, one) for one in (late, right))
@@ -85,7 +85,7 @@ def test_beyond_noise_a_jump_is_taken_off_as_it_counts() -> None:
 def test_a_jump_is_looked_for_where_the_marks_put_it(ahead: float) -> None:
     marks = rverror.effect("sensor.index_offset", offset=f"{ahead} rad")
     first = started(1.0)
-    (record,) = first.bench.records
+    (record,) = first.run_set.records
     grid = replace(first.waves[0].grid, start=ahead)
     first = replace(first, model=Model(UNIT, (marks,)), waves=(replace(first.waves[0], grid=grid),))
     jump = 4 * ARCSEC * np.exp(-np.arange(POINTS) / 1000)
@@ -99,7 +99,7 @@ def test_a_jump_is_looked_for_where_the_marks_put_it(ahead: float) -> None:
 def test_what_a_jump_gains_by_moving_is_left_out_and_all_else_counts(turns: float, better: float) -> None:
     """Set aside from the first the samples would say the same."""
     first = started(turns)
-    (record,) = first.bench.records
+    (record,) = first.run_set.records
     turn = np.arange(record.theta.size) % POINTS
     jump = 4 * ARCSEC * np.exp(-turn / 1000)  # 1.5 arcsec, five times the noise
     measured = record.error + np.where(turn >= 1000, jump, 0.0)
@@ -117,7 +117,7 @@ def test_what_a_jump_gains_by_moving_is_left_out_and_all_else_counts(turns: floa
 def test_what_differs_elsewhere_is_no_jump_that_moved() -> None:
     """One spike less, where no prediction jumps."""
     first = started(1.0)
-    (record,) = first.bench.records
+    (record,) = first.run_set.records
     bump = 5 * ARCSEC * np.exp(-(((np.arange(POINTS) - 1000) / 12.0) ** 2))
     before, after = (seen(first, record.error + bump, one) for one in (np.zeros(POINTS), bump))
     assert fall(before, after) == before.objective - after.objective > 400
@@ -125,7 +125,7 @@ def test_what_differs_elsewhere_is_no_jump_that_moved() -> None:
 
 def test_what_differs_in_many_samples_is_no_jump_that_moved() -> None:
     first = started(1.0)
-    (record,) = first.bench.records
+    (record,) = first.run_set.records
     square = 5 * ARCSEC * np.sign(np.sin(math.pi / 8 * (np.arange(POINTS) + 0.5)))
     before, after = (seen(first, record.error + square, one) for one in (np.roll(square, 4), square))
     assert fall(before, after) == before.objective - after.objective > 400

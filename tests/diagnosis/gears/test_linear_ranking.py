@@ -41,9 +41,9 @@ def free_of_cost(_: Named) -> float:
 def louder(fit: Fit, times: float) -> Fit:
     """The same state under so many times the noise."""
     records = [
-        replace(r, noise=RunNoise(r.noise.coefficients, times * r.noise.sigma)) for r in fit.bench.records if r.noise
+        replace(r, noise=RunNoise(r.noise.coefficients, times * r.noise.sigma)) for r in fit.run_set.records if r.noise
     ]
-    return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
+    return evaluated(fit.run_set.with_records(records), fit.model, fit.declared, fit.waves)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def far() -> Fit:
     now = Model(INSIDE, (PLAY, replace(STATED, values=(1.5e-3, 2e-3))))
     first = begin(now, runs_of(true, points=512), points=512)
     off = Model(softened(INSIDE, 0.3 * OFF), (replace(PLAY, values=(3e-3,)), STATED))
-    return evaluated(first.bench, off, now)
+    return evaluated(first.run_set, off, now)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ class Linear:
 
     def __init__(self, fit: Fit, blocks: Sequence[Columns], *, hold: bool = False) -> None:
         """Put all runs in a row."""
-        self.fit, policy = fit, fit.bench.policy
+        self.fit, policy = fit, fit.run_set.policy
         free = np.isfinite(fit.weights) & (not hold)
         own = np.concatenate([np.concatenate(block.rows, axis=1) for block in blocks])
         self.rows = np.concatenate([np.concatenate([w[1:] for w in fit.rows], axis=1)[free], own])
@@ -103,14 +103,14 @@ class Linear:
     def objective(self, step: Array) -> float:
         """What a step leaves, as squares count."""
         data = float(np.sum((self.rest - step @ self.rows) ** 2))
-        n, m = self.fit.bound, self.fit.bench.policy.regular
+        n, m = self.fit.bound, self.fit.run_set.policy.regular
         known = data if data < n else n + m * math.log(1 + (data - n) / m)
         at = self.off + step
         return known + float(at @ self.prior @ at) + self.held
 
     def least(self) -> tuple[float, float]:
         """The least that any step leaves, and the scale of squares there, by descent from several steps."""
-        known = self.fit.bench.policy.regular
+        known = self.fit.run_set.policy.regular
         size = np.sqrt(np.sum(self.rows**2, axis=1) / self.fit.scale + np.diag(self.prior))
 
         def scale(rest: Array) -> float:
@@ -164,7 +164,7 @@ def beyond_tangents(fit: Fit, scale: float) -> float:
     At a scale q times that of the squares themselves a tangent is M (ln q + 1/q - 1) above them.
     """
     q = np.geomspace(1.0, fit.scale, SCALES) / scale
-    return float(fit.bench.policy.regular * np.min(np.log(q) + 1 / q - 1))
+    return float(fit.run_set.policy.regular * np.min(np.log(q) + 1 / q - 1))
 
 
 @pytest.mark.parametrize("hold", [False, True])
@@ -294,9 +294,9 @@ def test_a_size_that_cannot_be_is_not_offered(size: float) -> None:
     """Play is never negative: where runs with one zero ask for less it is no candidate, alone or with another."""
     play: Named = ("coupling.bearing_clearance", {})
     first = begin(Model(UNIT), runs_of(Model(UNIT), points=512, index="A"), points=512)
-    made = first.bench.influences(first.model, first.waves, [play])
-    records = [replace(r, error=r.error + size * rows[0]) for r, rows in zip(first.bench.records, made, strict=True)]
-    fit = evaluated(first.bench.with_records(records), first.model, first.declared)
+    made = first.run_set.influences(first.model, first.waves, [play])
+    records = [replace(r, error=r.error + size * rows[0]) for r, rows in zip(first.run_set.records, made, strict=True)]
+    fit = evaluated(first.run_set.with_records(records), first.model, first.declared)
     found = blocks_of(fit, (play[0], "sensor.encoder_eccentricity", "crank.eccentricity"))
     for offers in (singles(fit, found, free_of_cost), pairs(fit, found, free_of_cost, most=50)):
         assert offers
@@ -308,8 +308,9 @@ def test_what_a_bound_stops_promises_nothing() -> None:
     play = rverror.effect("crank.bearing_clearance", clearance="0 um", uncertainty="3 um")
     declared = Model(UNIT, (play,))
     first = fitted(begin(declared, runs_of(Model(UNIT), points=512), points=512))
-    records = [replace(r, error=r.error - 2e-3 * raw[0]) for r, raw in zip(first.bench.records, first.raw, strict=True)]
-    fit = evaluated(first.bench.with_records(records), declared, declared)
+    both = zip(first.run_set.records, first.raw, strict=True)
+    records = [replace(r, error=r.error - 2e-3 * raw[0]) for r, raw in both]
+    fit = evaluated(first.run_set.with_records(records), declared, declared)
     assert fit.moment[0] < -3 * math.sqrt(fit.gram[0, 0])
     step, gain = proposed(fit)
     (idle,) = singles(fit, blocks_of(fit, ("sensor.encoder_ellipticity",)), free_of_cost)

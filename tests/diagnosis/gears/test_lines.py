@@ -85,8 +85,8 @@ def test_a_part_s_order_is_no_line_of_the_outside() -> None:
 def test_what_is_free_already_is_not_found_again() -> None:
     theta = TURN / N * np.arange(3 * N)
     fit = left(2 * ARCSEC * np.cos(23.37 * theta), turns=3)
-    records = [replace(r, orders=(23.37,)) for r in fit.bench.records]
-    freed = renoised(replace(fit, bench=fit.bench.with_records(records)))
+    records = [replace(r, orders=(23.37,)) for r in fit.run_set.records]
+    freed = renoised(replace(fit, run_set=fit.run_set.with_records(records)))
     assert best_lines(freed, POLICY, outside=False) == []
 
 
@@ -102,14 +102,14 @@ def test_runs_in_which_a_line_stands_alike_tell_it_together() -> None:
     theta = TURN / N * np.arange(N)
     wave = 0.4 * ARCSEC * np.cos(23.37 * theta)
     alone, four = left(wave, runs=1), left(wave, runs=4)
-    power = [power_of(f.bench.records, f.residual, 23.37)[0] for f in (alone, four)]
+    power = [power_of(f.run_set.records, f.residual, 23.37)[0] for f in (alone, four)]
     assert power[1] / power[0] == pytest.approx(4, rel=0.5)
 
 
 def test_power_is_what_a_line_takes_off_the_squares() -> None:
     theta = TURN / N * np.arange(N)
     fit = left(ARCSEC * np.cos(30 * theta))
-    (record,), (rest,) = fit.bench.records, fit.residual
+    (record,), (rest,) = fit.run_set.records, fit.residual
     rows = np.stack([np.cos(30 * theta), np.sin(30 * theta)])
     power, (sizes,) = explained([record], [rest], [rows])
     before, after = (float(np.sum(record.whiten(r[None]) ** 2)) for r in (rest, rest - sizes @ rows))
@@ -172,7 +172,7 @@ def test_nor_is_a_line_of_the_gears_within_some_percent_of_what_was_added(share:
             + red(5, N, 2e-3 * size / ARCSEC, 0.0),
             direction="forward",
         )
-        fit = evaluated(begin(cam, [run]).bench, cam, MODEL)
+        fit = evaluated(begin(cam, [run]).run_set, cam, MODEL)
         assert fit.added
         found = best_lines(fit, POLICY, outside=False, most=3)
         assert [line.order for line in found] == pytest.approx(orders, abs=0.1)

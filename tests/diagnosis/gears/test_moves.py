@@ -107,7 +107,7 @@ def first() -> Fit:
 
 
 def trial(first: Fit, *added: Effect, declared: Model = BARE, score: float = 0.0) -> Trial:
-    origin = Score([], POLICY).of(evaluated(first.bench, declared, declared)).slim
+    origin = Score([], POLICY).of(evaluated(first.run_set, declared, declared)).slim
     return Trial(declared.with_effects(*added), score, origin)
 
 
@@ -146,8 +146,8 @@ def test_a_trial_is_solved_then_stepped_until_it_settles_at_the_score_of_its_fit
         taken.append(one.score)
     assert one is not None
     assert one.added[0].values == pytest.approx(CAM.values, abs=3e-4)
-    end = score.of(fitted(evaluated(true.bench, one.model, BARE))).score
-    unseen = true.bench.freedom - true.bench.few.freedom  # values of which nothing is known but their number
+    end = score.of(fitted(evaluated(true.run_set, one.model, BARE))).score
+    unseen = true.run_set.freedom - true.run_set.few.freedom  # values of which nothing is known but their number
     assert taken[-1] == pytest.approx(end, abs=3 * math.sqrt(2 * unseen))
     assert taken[-1] < score.of(true).score - 100
 

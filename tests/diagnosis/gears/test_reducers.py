@@ -178,10 +178,10 @@ def at_marks(
     true = runs_of(Model(UNIT, (*declared, *added)), marks=ahead, rms=rms)
     model, anywhere = with_marks(Model(UNIT, declared), [replace(run, index="unknown") for run in true])
     records, _ = records_of(model, true)
-    bench = RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere)
+    run_set = RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere)
     there = replace(model, effects=(*model.effects, *added))
-    known = begun(bench, marked(there, ahead), model)
-    return fitted(evaluated(known.bench, marked(there, ahead + off), model), steps=30)
+    known = begun(run_set, marked(there, ahead), model)
+    return fitted(evaluated(known.run_set, marked(there, ahead + off), model), steps=30)
 
 
 def test_marks_are_looked_for_all_around_the_crank_and_the_likeliest_come_first() -> None:
@@ -189,7 +189,7 @@ def test_marks_are_looked_for_all_around_the_crank_and_the_likeliest_come_first(
     cam, pin = replace(CAM, uncertainty=3e-4), replace(PIN, uncertainty=3e-4)
     for declared, span, count, first in (((cam,), TURN / 16, 24, 1), ((cam, pin), TURN, 192, POLICY.offsets)):
         known = at_marks(0.37, *declared)
-        fit, offsets = placed(evaluated(known.bench, known.declared, known.declared))
+        fit, offsets = placed(evaluated(known.run_set, known.declared, known.declared))
         assert sorted(offsets) == pytest.approx(list(span / count * np.arange(count)))
         assert fit.model.index_offset == offsets[0]
         off = (np.array(offsets) - 0.37 + span / 2) % span - span / 2
@@ -241,7 +241,7 @@ def test_a_cause_that_comes_with_the_noise_stands_against_noise_as_well(monkeypa
     """Under the noise that the first set leaves another set may be found, whose causes may be noise too."""
     fit = at_marks(0.1, SMALL, added=(BORE,))
     other = replace(fit.model, effects=(*fit.declared.effects, PIN))
-    one, two = (search_of(fit).score.of(f) for f in (fit, fitted(evaluated(fit.bench, other, fit.declared))))
+    one, two = (search_of(fit).score.of(f) for f in (fit, fitted(evaluated(fit.run_set, other, fit.declared))))
     for answers, judged in (([one, two, two], [one, two]), ([one, one], [one]), ([one, search_of(fit).root], [one])):
         left, seen = list(answers), []
         monkeypatch.setattr(Search, "best", lambda self, *also, swap=True, left=left: (left.pop(0), True))

@@ -37,9 +37,9 @@ def white(error: Array, declared: Model, *added: Effect, travel: float = TURN, n
     """The fit of an error in white noise that is known; in closed form, where every prediction is linear."""
     theta = np.asarray(travel / error.size * np.arange(error.size), dtype=np.float64)
     record = replace(record_of(error, theta), torque=None, noise=RunNoise(np.zeros(0), noise))
-    bench = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
+    run_set = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
     start = replace(declared, effects=(*declared.effects, *(replace(e, values=(0.0,) * len(e.values)) for e in added)))
-    return fitted(evaluated(bench, start, declared), steps=60, enough=1e-9)
+    return fitted(evaluated(run_set, start, declared), steps=60, enough=1e-9)
 
 
 def surprise(fit: Fit, error: Array) -> float:
@@ -106,7 +106,7 @@ def test_a_line_and_what_settles_cost_so_much_for_each_row() -> None:
     """Cosine and sine of each line, and four of what drifts and settles, in every run."""
     error = NOISE * np.random.default_rng(1).normal(size=N)
     one = white(error, BARE)
-    two = replace(one, bench=replace(one.bench, records=one.bench.records * 2))
+    two = replace(one, run_set=replace(one.run_set, records=one.run_set.records * 2))
     score = Score([], POLICY)
     for fit, runs in ((one, 1), (two, 2)):
         bare = fit.objective
@@ -134,13 +134,13 @@ def drawn(draws: int, noise: float) -> list[tuple[Fit, list[Offer]]]:
     """
     rng = np.random.default_rng(11)
     first = white(np.zeros(N), Model(UNIT, (STATED,)))
-    rows = first.bench.influences(first.model, first.waves, PLACES)[0]
+    rows = first.run_set.influences(first.model, first.waves, PLACES)[0]
     sizes = np.array([POLICY.workshop * p.plausible for key, _ in PLACES for p in source(key).parameters])
     made = noise * float(np.sqrt(np.mean(np.sum((rows - rows.mean(axis=1, keepdims=True)) ** 2, axis=1) * sizes**2)))
-    records = [replace(r, noise=RunNoise(np.zeros(0), made)) for r in first.bench.records]
-    bench = first.bench.with_records(records)
+    records = [replace(r, noise=RunNoise(np.zeros(0), made)) for r in first.run_set.records]
+    run_set = first.run_set.with_records(records)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in PLACES)])
-    shown = bench.sights[0].whiten(rows)
+    shown = run_set.sights[0].whiten(rows)
     blocks = [
         Columns(name, np.eye(b - a), (shown[a:b],)) for name, a, b in zip(PLACES, ends[:-1], ends[1:], strict=True)
     ]
@@ -148,7 +148,7 @@ def drawn(draws: int, noise: float) -> list[tuple[Fit, list[Offer]]]:
     for _ in range(draws):
         stated = float(STATED.uncertainty or 0.0) * rng.normal(size=2)
         error = made * rng.normal(size=N) + stated @ first.raw[0][:2]
-        state = evaluated(bench.with_records([replace(r, error=error) for r in records]), first.model, first.declared)
+        state = evaluated(run_set.with_records([replace(r, error=error) for r in records]), first.model, first.declared)
         found.append((fitted(state, enough=1e-9), singles(state, blocks, Score(PLACES, POLICY).cost)))
     return found
 
@@ -257,13 +257,13 @@ def right() -> Fit:
 
 def made_by_what_was_added(fit: Fit) -> float:
     """Squares between what is left without what was added and what is left with it."""
-    without = evaluated(fit.bench, replace(fit.model, effects=fit.declared.effects), fit.declared)
+    without = evaluated(fit.run_set, replace(fit.model, effects=fit.declared.effects), fit.declared)
     return sum(float(np.sum((less[0] - both[0]) ** 2)) for less, both in zip(without.rows, fit.rows, strict=True))
 
 
 def test_the_model_s_own_error_is_that_of_all_samples_and_a_share_of_what_was_added(right: Fit) -> None:
     """0.01 arcsec over n samples in 0.3 of noise, a 900th of a square each, and a hundredth of what was added."""
-    n = sum(r.theta.size for r in right.bench.records)
+    n = sum(r.theta.size for r in right.run_set.records)
     assert unsure(right, POLICY) == pytest.approx(n / 900, rel=0.1)
     own = unsure(right, POLICY) + 0.01**2 * made_by_what_was_added(right)
     assert own > 2 * unsure(right, POLICY)
@@ -273,7 +273,7 @@ def test_the_model_s_own_error_is_that_of_all_samples_and_a_share_of_what_was_ad
 def test_beside_large_residuals_the_model_s_own_error_counts_as_they_do(right: Fit) -> None:
     """Beyond N squares count by their logarithm: o more beside D are M ln((M + D + o - N) / (M + D - N))."""
     pin = rverror.effect("cycloid.pin_radius", pin="all", deviation="20 um")
-    fit = evaluated(right.bench, Model(UNIT, (pin,)), BARE)
+    fit = evaluated(right.run_set, Model(UNIT, (pin,)), BARE)
     assert fit.data > 2 * fit.bound
     own = unsure(fit, POLICY) + bent(fit, POLICY)
     beyond = 200 + fit.data - fit.bound
@@ -283,8 +283,8 @@ def test_beside_large_residuals_the_model_s_own_error_counts_as_they_do(right: F
 
 def test_the_model_is_right_about_what_is_read_at_the_output(right: Fit) -> None:
     """A hundredth of a part's waveform may be the model's own error, of an encoder's nothing."""
-    read = evaluated(right.bench, replace(right.model, effects=(ENCODER,)), BARE)
-    both = evaluated(right.bench, replace(right.model, effects=(*right.model.effects, ENCODER)), BARE)
+    read = evaluated(right.run_set, replace(right.model, effects=(ENCODER,)), BARE)
+    both = evaluated(right.run_set, replace(right.model, effects=(*right.model.effects, ENCODER)), BARE)
     assert bent(read, POLICY) == 0
     assert bent(both, POLICY) == pytest.approx(bent(right, POLICY))
     assert bent(right, POLICY) > 0
@@ -293,7 +293,7 @@ def test_the_model_is_right_about_what_is_read_at_the_output(right: Fit) -> None
 def test_what_was_added_is_held_against_what_it_makes_not_its_influence(right: Fit) -> None:
     """Where pins are thinner all alike others carry than where they are not: their influence there says too much."""
     pins = rverror.effect("cycloid.pin_radius", pin="all", deviation="-12 um")
-    fit = evaluated(right.bench, Model(UNIT, (pins,)), BARE)
+    fit = evaluated(right.run_set, Model(UNIT, (pins,)), BARE)
     squares = made_by_what_was_added(fit)
     linear = sum(float(np.sum((pins.values[0] * rows[1]) ** 2)) for rows in fit.rows)
     assert bent(fit, POLICY) == pytest.approx(1e-4 * squares, rel=1e-6)
@@ -305,7 +305,7 @@ def test_what_no_workshop_makes_goes_last(right: Fit) -> None:
     plausible = source(CAM.key).parameters[0].plausible
     score = Score([(CAM.key, CAM.indices)], POLICY)
     small, large = (
-        score.of(evaluated(right.bench, Model(UNIT, (replace(CAM, values=(size * plausible, 0.0)),)), BARE))
+        score.of(evaluated(right.run_set, Model(UNIT, (replace(CAM, values=(size * plausible, 0.0)),)), BARE))
         for size in (1.9, 2.1)
     )
     true = score.of(right)

@@ -217,9 +217,9 @@ def test_a_strained_fit_is_never_complete() -> None:
     assert fit.data < fit.bound
     assert strained(fit)
     assert not search_of(fit, [none]).complete(search_of(fit, [none]).score.of(fit))
-    bench = replace(fit.bench, policy=replace(POLICY, strained=1e-200))
-    search = search_of(replace(fit, bench=bench), [none])
-    assert search.complete(search.score.of(replace(fit, bench=bench)))  # nothing but the strain is against it
+    run_set = replace(fit.run_set, policy=replace(POLICY, strained=1e-200))
+    search = search_of(replace(fit, run_set=run_set), [none])
+    assert search.complete(search.score.of(replace(fit, run_set=run_set)))  # nothing but the strain is against it
     calm = settled(Model(UNIT, (CAM,)), declared=Model(UNIT, (replace(wrong, uncertainty=5e-4),)))
     assert not strained(calm)
 
@@ -228,8 +228,8 @@ def test_a_strained_fit_is_never_complete() -> None:
 def test_a_line_that_chance_makes_now_and_then_overthrows_no_cause(right: Fit, arcsec: float, complete: bool) -> None:
     """It is told all the same; one that noise hardly ever makes leaves a set incomplete."""
     wave = arcsec * ARCSEC
-    records = [replace(r, error=r.error + wave * np.cos(23.37 * r.theta)) for r in right.bench.records]
-    fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+    records = [replace(r, error=r.error + wave * np.cos(23.37 * r.theta)) for r in right.run_set.records]
+    fit = fitted(evaluated(right.run_set.with_records(records), right.model, right.declared))
     (line,) = best_lines(fit, POLICY, outside=False)
     assert line.order == pytest.approx(23.37, abs=0.3)
     search = search_of(fit, NEAR_CAMS)
@@ -298,9 +298,9 @@ def test_where_hardly_more_than_noise_is_left_no_further_cause_is_looked_for(
     """Noise that was taken for too little by so much: small faults of the readings may leave the former."""
     down = math.sqrt(right.data / (share * right.bound))
     records = [
-        replace(r, noise=RunNoise(r.noise.coefficients, r.noise.sigma * down)) for r in right.bench.records if r.noise
+        replace(r, noise=RunNoise(r.noise.coefficients, r.noise.sigma * down)) for r in right.run_set.records if r.noise
     ]
-    fit = fitted(evaluated(right.bench.with_records(records), right.model, right.declared))
+    fit = fitted(evaluated(right.run_set.with_records(records), right.model, right.declared))
     assert fit.data == pytest.approx(share * fit.bound, rel=0.01)
     assert nearly_noise(fit) is not looked
     search = search_of(fit, [CAM.key, HEAD.key], budget=300)
@@ -312,11 +312,11 @@ def test_where_hardly_more_than_noise_is_left_no_further_cause_is_looked_for(
 
 def test_a_large_fault_of_one_sample_is_no_further_cause(right: Fit) -> None:
     """It doubles the squares, as something that is missing would, but in as few values as the noise remembers."""
-    first, *others = right.bench.records
+    first, *others = right.run_set.records
     error = first.error.copy()
     error[error.size // 3] += 12 * ARCSEC
-    bench = right.bench.with_records([replace(first, error=error), *others])
-    fit = evaluated(bench, right.model, right.declared)
+    run_set = right.run_set.with_records([replace(first, error=error), *others])
+    fit = evaluated(run_set, right.model, right.declared)
     assert fit.data > 2 * fit.bound
     assert nearly_noise(fit)
     search = search_of(fit)
@@ -332,14 +332,14 @@ def test_a_large_fault_of_one_sample_is_no_further_cause(right: Fit) -> None:
 def test_pruning_drops_what_is_needless_and_keeps_what_is_not(right: Fit) -> None:
     """The true cause beside one that is needless, a line that is none, and drift."""
     profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=3, cos="0.5 um")
-    records = [replace(r, orders=(23.37,), slow=True) for r in right.bench.records]
+    records = [replace(r, orders=(23.37,), slow=True) for r in right.run_set.records]
     start = replace(right.model, effects=(CAM, profile))
     search = search_of(right, NEAR_CAMS)
-    crowded = search.score.of(fitted(evaluated(right.bench.with_records(records), start, BARE)), (23.37,), True)
+    crowded = search.score.of(fitted(evaluated(right.run_set.with_records(records), start, BARE)), (23.37,), True)
     left = search.pruned(crowded)
     assert left.names == {named(CAM)}
     assert (left.lines, left.slow) == ((), False)
-    assert all(r.orders == () and not r.slow for r in left.fit.bench.records)
+    assert all(r.orders == () and not r.slow for r in left.fit.run_set.records)
     assert left.score < crowded.score
     assert left.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
 
@@ -419,7 +419,8 @@ def test_a_clearance_is_found_though_a_linear_step_makes_less_than_nothing_of_it
     stated = Model(UNIT, declared)
     first = begin(stated, runs_of(Model(OTHER, (*made, PLAY)), LIGHT, points=512), points=512)
     search = search_of(fitted(renoised(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
-    assert all(offer.names[0][0] != PLAY.key for offer in linear_offers(search, evaluated(first.bench, stated, stated)))
+    offers = linear_offers(search, evaluated(first.run_set, stated, stated))
+    assert all(offer.names[0][0] != PLAY.key for offer in offers)
     found = complete_ones(
         search, raced(search, [*search.moves.singly(search.root), *search.moves.begun_at_pins(search.root)])
     )
@@ -621,8 +622,8 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     records, _ = records_of(model, runs)
     first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
     both = replace(model, effects=(*model.effects, true))
-    known = renoised(fitted(evaluated(first.bench, marked(both, ahead), model), steps=30))
-    wrong = evaluated(known.bench, marked(both, ahead + off), model)
+    known = renoised(fitted(evaluated(first.run_set, marked(both, ahead), model), steps=30))
+    wrong = evaluated(known.run_set, marked(both, ahead + off), model)
     free = np.ones(wrong.moment.size, dtype=np.bool_)
     free[2] = False  # the marks, after the cam's two
     fit = fitted(wrong, free=free, steps=40)
@@ -652,7 +653,7 @@ def test_rivals_hold_the_exact_twin_at_another_place(right: Fit) -> None:
     assert twin.fit.objective == pytest.approx(right.objective, abs=0.2)
     assert twin.fit.added[0].values == pytest.approx(right.added[0].values, abs=1e-5)
     assert (CAM.key, {"crank": 1, "disc": 1}) in search.as_good(one, 0)
-    assert all(rival.fit.bench is right.bench for rival in found)
+    assert all(rival.fit.run_set is right.run_set for rival in found)
 
 
 @pytest.mark.parametrize("alike", [1e-30, 0.01, 0.9])

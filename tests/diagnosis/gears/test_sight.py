@@ -49,8 +49,8 @@ def test_what_is_read_at_the_output_keeps_to_the_bench_s_zero() -> None:
     """An encoder's waves stand in the bench, wherever the marks of the gear are."""
     theta = TURN * np.arange(300) / 300
     record = record_of(np.zeros(theta.size), theta)
-    bench = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
-    rows = EverySample(record).beyond(bench, BARE, ("sensor.encoder_eccentricity", {}), None, 0.37)
+    run_set = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
+    rows = EverySample(record).beyond(run_set, BARE, ("sensor.encoder_eccentricity", {}), None, 0.37)
     assert rows == pytest.approx(np.stack([np.cos(theta), np.sin(theta)]), abs=1e-12)
 
 
@@ -63,8 +63,8 @@ def test_a_sun_s_waves_are_followed_over_all_turns(unit: rverror.Reducer, turns:
     runs = runs_of(true, ((1.0, 50e3),), points=1024, turns=turns, ratio=unit.ratio)
     noise = RunNoise(np.array([0.7]), 0.3 * ARCSEC * np.sqrt(1 - 0.7**2))
     records = [replace(r, noise=noise) for r in records_of(bare, runs)[0]]
-    bench = RunSet.of(unit, records, POLICY, points=1024, anywhere=False)
-    fit, without = evaluated(bench, true, bare), evaluated(bench, bare, bare)
+    run_set = RunSet.of(unit, records, POLICY, points=1024, anywhere=False)
+    fit, without = evaluated(run_set, true, bare), evaluated(run_set, bare, bare)
     assert fit.data < fit.bound
     assert without.data > 50 * fit.data
     moment, gram, values = fit.moment[:2], fit.gram[:2, :2], np.array(sun.values)
@@ -79,10 +79,10 @@ def test_only_a_sun_is_added_by_its_influence_and_only_where_it_must() -> None:
         rverror.effect("sensor.encoder_eccentricity", cos="1 arcsec"),
     )
     for unit, apart in ((UNIT, False), (ODD, True)):
-        bench = RunSet.of(unit, [record_of(np.zeros(64))], POLICY, points=64, anywhere=False)
-        assert bench.apart("involute.sun_pitch") is apart
-        assert bench.around(Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
-        assert not any(bench.apart(effect.key) for effect in effects[1:])
+        run_set = RunSet.of(unit, [record_of(np.zeros(64))], POLICY, points=64, anywhere=False)
+        assert run_set.apart("involute.sun_pitch") is apart
+        assert run_set.around(Model(unit, effects)) == (effects[1:2] if apart else effects[:2])
+        assert not any(run_set.apart(effect.key) for effect in effects[1:])
 
 
 @pytest.mark.parametrize("breaks", [(), (1.0, 3.0)])

@@ -89,7 +89,7 @@ def test_whole_sets_are_searched_from_the_claims_as_well_and_under_the_policy_of
 
     class Watched(Search):
         def best(self, *also: Hypothesis, swap: bool = True) -> tuple[Hypothesis, bool]:
-            began.append((self.root.fit.bench.policy.regular, [{e.key for e in one.fit.added} for one in also]))
+            began.append((self.root.fit.run_set.policy.regular, [{e.key for e in one.fit.added} for one in also]))
             return super().best(*also, swap=swap)
 
     monkeypatch.setattr(tables, "Search", Watched)
@@ -286,8 +286,8 @@ def test_what_the_model_is_not_right_to_counts_once_for_each_independent_value()
         )
         for load in (1.0, 2.0, 3.0, 4.0, 5.0)
     ]
-    bench = table_set(UNIT, cases, [np.zeros(2)] * 5, policy=POLICY, anywhere=False).with_discrepancy(0.1)
-    first = bench.sigmas[0]
+    run_set = table_set(UNIT, cases, [np.zeros(2)] * 5, policy=POLICY, anywhere=False).with_discrepancy(0.1)
+    first = run_set.sigmas[0]
     # |z|^2 = 25 in two numbers each: rms^2 = 12.5; N = 10, M = 4
     assert first == pytest.approx(np.sqrt(np.full(2, 0.01 * 12.5 * 10 / 4)))
 
@@ -310,9 +310,9 @@ def test_the_chance_of_a_claim_is_that_of_sizes_that_mean_nothing() -> None:
 def chance_of_cam() -> tuple[float, float, float]:
     table = table_of(Model(OTHER, (CAM,)))
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
+    run_set = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
     model = Model(UNIT)
-    fit = fitted(evaluated(bench, replace(model, effects=(CAM,)), model))
+    fit = fitted(evaluated(run_set, replace(model, effects=(CAM,)), model))
     return chance(fit, 0)
 
 
@@ -320,12 +320,12 @@ def test_a_linear_step_beside_a_block_reaches_what_a_fit_reaches() -> None:
     """Of a reading that is linear: the same sizes and objective."""
     table = table_of(Model(UNIT, (HEAD,)))
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
+    run_set = table_set(UNIT, table.cases, sigmas, policy=replace(POLICY, regular=1e12), anywhere=False)
     model = Model(UNIT)
-    bare = evaluated(bench, model, model)
+    bare = evaluated(run_set, model, model)
     (block,) = blocks_of(bare, [(HEAD.key, {})])
     trial = Linear(bare).beside(block)
-    whole_fit = fitted(evaluated(bench, replace(model, effects=(Effect(HEAD.key, {}, (0.0, 0.0)),)), model), steps=30)
+    whole_fit = fitted(evaluated(run_set, replace(model, effects=(Effect(HEAD.key, {}, (0.0, 0.0)),)), model), steps=30)
     assert trial.sizes(0) == pytest.approx(np.array(whole_fit.added[0].values), rel=1e-3)
     assert trial.objective == pytest.approx(whole_fit.objective, abs=0.05)
 

@@ -54,8 +54,8 @@ def laws(found: Diagnosis) -> dict[tuple[str, int], Addition]:
 def fit_of(table: OrderTable, model: Model, policy: Policy = POLICY) -> Fit:
     """State of a table under the noise that it states, its sizes as the model has them."""
     sigmas, _ = noise_of_cases(table.cases, floor=0.0)
-    bench = table_set(UNIT, table.cases, sigmas, policy=replace(policy, regular=1e12), anywhere=False)
-    return evaluated(bench, model, Model(UNIT))
+    run_set = table_set(UNIT, table.cases, sigmas, policy=replace(policy, regular=1e12), anywhere=False)
+    return evaluated(run_set, model, Model(UNIT))
 
 
 # --- noise ------------------------------------------------------------------------------------------------------------
@@ -186,7 +186,7 @@ def test_laws_leave_the_sizes_of_causes_alone() -> None:
     table = with_wave(empty([1, 2], (50, 150, 250), sigma=0.05), 1, lambda *_: 20 - 9j)
     short = Model(UNIT, (Effect(HEAD.key, {}, (19 * ARCSEC, 9 * ARCSEC)),))
     fit = fit_of(table, short)
-    state = described(fit, laws_of(Model(UNIT), fit.bench), Journal(quiet))  # type: ignore[arg-type]
+    state = described(fit, laws_of(Model(UNIT), fit.run_set), Journal(quiet))  # type: ignore[arg-type]
     (law,) = state.effects()
     assert (law.key, law.indices["harmonic"]) == ("empirical.order", 1)
     assert law.values == pytest.approx((ARCSEC, 0.0), abs=1e-3 * ARCSEC)

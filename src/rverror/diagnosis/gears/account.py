@@ -57,18 +57,18 @@ def account(
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
-        bare = best.fit.bench.with_records(_plain(best.fit.bench.records))
+        bare = best.fit.run_set.with_records(_plain(best.fit.run_set.records))
         best = search.score.of(fitted(onto(bare, root.fit)))
         left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
-    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
+    for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
-        notes += fit.bench.slow_notes(record, rest) if record.slow else []
-    plain = fit.bench.with_records(_plain(fit.bench.records))
+        notes += fit.run_set.slow_notes(record, rest) if record.slow else []
+    plain = fit.run_set.with_records(_plain(fit.run_set.records))
     as_printed = evaluated(plain, replace(as_declared(fit).model, effects=printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
-    lined = fit.bench.with_records([replace(r, orders=()) for r in fit.bench.records])
+    lined = fit.run_set.with_records([replace(r, orders=()) for r in fit.run_set.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
     lines = told_lines(fit, best.lines, left)
     held = residual(fit).heldout_rms if fit.added else 0.0
@@ -117,7 +117,7 @@ def printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
 def noise_rms(fit: Fit) -> float:
     """Root mean square of the noise: of the residual where nothing else is left, else of its model."""
     total, count = 0.0, 0.0
-    for record, rest in zip(fit.bench.records, fit.residual, strict=True):
+    for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         assert record.noise is not None
         clean = record.without_nuisance(rest)[record.kept]
         used = max(clean.size - len(record.nuisance) - 1, 1)
@@ -142,22 +142,22 @@ def blocks(record: Record) -> Array:
 def residual(fit: Fit, *, hold: bool = False) -> Residual:
     """Size of the residual, and of stretches left out of the fit (nothing but offsets is fitted where `hold`)."""
     rests = fit.residual
-    clean = [r.without_nuisance(rest)[r.kept] for r, rest in zip(fit.bench.records, rests, strict=True)]
+    clean = [r.without_nuisance(rest)[r.kept] for r, rest in zip(fit.run_set.records, rests, strict=True)]
     whole = np.concatenate(clean)
-    left = np.concatenate([one[r.kept] for r, one in zip(fit.bench.records, left_out(fit, hold=hold), strict=True)])
+    left = np.concatenate([one[r.kept] for r, one in zip(fit.run_set.records, left_out(fit, hold=hold), strict=True)])
     return Residual(float(np.sqrt(np.mean(whole**2))), float(np.ptp(whole)), float(np.sqrt(np.mean(left**2))))
 
 
 def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     """Residual of each record, every stretch with sizes and offset from the others alone."""
-    bench = fit.bench
+    run_set = fit.run_set
     weights, free = fit.pull, fit.free
     rests = fit.residual
-    labels = [blocks(r) for r in bench.records]
+    labels = [blocks(r) for r in run_set.records]
     result = [np.zeros_like(rest) for rest in rests]
-    usable = [np.asarray(r.whiten.usable) for r in bench.records]
+    usable = [np.asarray(r.whiten.usable) for r in run_set.records]
     # no stretch tells how another one settles, or what lies beyond a slip
-    settled = [r.settled(rest) if r.slow or r.slips else 0.0 for r, rest in zip(bench.records, rests, strict=True)]
+    settled = [r.settled(rest) if r.slow or r.slips else 0.0 for r, rest in zip(run_set.records, rests, strict=True)]
     for fold in range(max(int(label.max()) + 1 for label in labels)):
         step = np.zeros(fit.moment.size)
         if not hold and free.any():
@@ -173,7 +173,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
             size = np.sqrt(np.maximum(np.diag(whole_gram), 1e-300))
             right = (moment[free] / fit.scale + pull) / size
             step[free] = np.linalg.lstsq(own / np.outer(size, size), right, rcond=1e-12)[0] / size
-        for number, record in enumerate(bench.records):
+        for number, record in enumerate(run_set.records):
             label = labels[number]
             out = label == fold % (label.max() + 1)
             rest = rests[number] - step @ fit.raw[number] - settled[number]
@@ -195,7 +195,7 @@ def spread(fit: Fit) -> Array:
     could make them: shared by all of these, they add as much to the variance that comes of the noise.  What comes of a
     prior does not grow.
     """
-    policy, own = fit.bench.policy, fit.covariance
+    policy, own = fit.run_set.policy, fit.covariance
     times = shared(fit, unsure(fit, policy) + bent(fit, policy))
     return np.asarray(np.diag(own) + times * np.einsum("ij,jk,ik->i", own, fit.gram / fit.scale, own))
 
@@ -207,9 +207,9 @@ def shared(fit: Fit, squares: float) -> float:
 
 def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
     """Half widths of the intervals of all values, which reach as far as those of fits that do as well."""
-    own, values = np.array([fit.bench.half_width(float(one)) for one in spread(fit)]), _values(fit)
+    own, values = np.array([fit.run_set.half_width(float(one)) for one in spread(fit)]), _values(fit)
     for other in beside:
-        theirs = np.array([other.bench.half_width(float(one)) for one in spread(other)])
+        theirs = np.array([other.run_set.half_width(float(one)) for one in spread(other)])
         own = np.maximum(own, np.abs(_values(other) - values) + theirs)
     return [float(one) for one in own]
 
@@ -217,8 +217,8 @@ def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
 def _values(fit: Fit) -> Array:
     """All values in the units of their intervals; shared zeros, which nothing is said of, as 0."""
     sizes = [value for effect in fit.model.effects for value in effect.values]
-    soft = np.where(fit.bench.soft, soft_values(fit.model.mechanism), 0.0)
-    return np.array([*sizes, *soft, *np.zeros(len(fit.bench.zeros))])
+    soft = np.where(fit.run_set.soft, soft_values(fit.model.mechanism), 0.0)
+    return np.array([*sizes, *soft, *np.zeros(len(fit.run_set.zeros))])
 
 
 def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[float], held: float) -> Addition:
@@ -226,15 +226,15 @@ def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[fl
     at = len(fit.declared.effects) + number
     effect = fit.model.effects[at]
     first = sum(len(e.values) for e in fit.model.effects[:at])
-    made = "the prior says" if fit.bench.prior.covered else "a workshop makes"
-    own, prior = halves[first : first + len(effect.values)], fit.bench.deviation(effect.key, effect.indices)
+    made = "the prior says" if fit.run_set.prior.covered else "a workshop makes"
+    own, prior = halves[first : first + len(effect.values)], fit.run_set.deviation(effect.key, effect.indices)
     estimates, notes = estimated(effect, own)
     for one, half, usual in zip(estimates, own, prior, strict=True):
-        if half > fit.bench.half_width(usual**2 / 2):
+        if half > fit.run_set.half_width(usual**2 / 2):
             notes.append(f"{one.name}: the runs do not tell it; its interval is what {made}")
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
-    origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.bench.records)
+    origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.run_set.records)
     return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, at), held, tuple(notes))
 
 
@@ -252,11 +252,11 @@ def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, 
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     """Orders at which an effect changes the prediction, the strongest first."""
     effects = fit.model.effects
-    if fit.bench.linear:
-        found = source(effects[at].key).orders(fit.bench.unit, effects[at].indices)
+    if fit.run_set.linear:
+        found = source(effects[at].key).orders(fit.run_set.unit, effects[at].indices)
         return tuple(abs(order) for order in found)
-    without = evaluated(fit.bench, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
-    record = fit.bench.records[0]
+    without = evaluated(fit.run_set, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
+    record = fit.run_set.records[0]
     wave = without.residual[0] - fit.residual[0]
     turns = max(record.turns, 1e-9)
     whole = math.floor(turns + 0.01)
@@ -274,27 +274,27 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
         names = np.arange(size.size) / turns
     inner = np.zeros(size.size, dtype=np.bool_)
     inner[1:-1] = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
-    return leading(names, np.where(inner & (size > 1e-3 * fit.bench.policy.least_line), size, 0.0), size.max())
+    return leading(names, np.where(inner & (size > 1e-3 * fit.run_set.policy.least_line), size, 0.0), size.max())
 
 
 def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
-    policy = fit.bench.policy
+    policy = fit.run_set.policy
     rests = fit.residual
     found: list[LineFound] = list(left)
     for order in free:
-        bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.bench.records]
+        bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.run_set.records]
         power, waves = power_of(bare, rests, order)
         found.append(LineFound(order, power, tuple(waves)))
-    turns = max(r.turns for r in fit.bench.records)
+    turns = max(r.turns for r in fit.run_set.records)
     result = []
     for line in found:
         wave = np.array(line.waves)
         size = float(np.mean(np.abs(wave)))
         variance = size**2 / max(line.power, 1e-9)  # the power is that of all runs together
-        half = fit.bench.half_width(variance * (1 + shared(fit, unsure(fit, policy))))
+        half = fit.run_set.half_width(variance * (1 + shared(fit, unsure(fit, policy))))
         order = round(line.order) if abs(line.order - round(line.order)) < TOLD_ORDER / turns else line.order
-        frames = frames_of_order(fit.bench.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
+        frames = frames_of_order(fit.run_set.unit, float(order), tolerance=max(policy.order_tolerance, 0.3 / turns))
         mean = complex(np.mean(wave))
         result.append(
             Line(float(order), size, max(size - half, 0.0), size + half, tuple(frames), mean.real, -mean.imag)
@@ -309,13 +309,13 @@ def _candidates(search: Search) -> tuple[Candidate, ...]:
 
 def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, ...]:
     """What the runs say of stiffness, backlash and contact law, with half the width of each value's interval."""
-    unit, now = fit.bench.unit, fit.model.mechanism
+    unit, now = fit.run_set.unit, fit.model.mechanism
     if not isinstance(unit, Reducer) or not isinstance(now, Reducer):
         return ()
     count = sum(len(e.values) for e in fit.model.effects)
     stated, values = soft_values(unit).tolist(), soft_values(now).tolist()
     result = []
-    for at in np.flatnonzero(fit.bench.soft).tolist():
+    for at in np.flatnonzero(fit.run_set.soft).tolist():
         own, half, name = count + at, halves[count + at], SOFTENING[at]
         told = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
         if at < 6:
@@ -334,7 +334,7 @@ def _strained(fit: Fit) -> list[str]:
     notes = []
     for stated, now in zip(fit.declared.effects, fit.model.effects, strict=False):
         moved_by = max(abs(np.subtract(now.values, stated.values)))
-        if stated.uncertainty and moved_by > fit.bench.policy.most_strain * stated.uncertainty:
+        if stated.uncertainty and moved_by > fit.run_set.policy.most_strain * stated.uncertainty:
             name = describe(stated.key, stated.indices)
             notes.append(
                 f"declared {name} moved by {moved_by / stated.uncertainty:.1f} of its uncertainty: measure it again"
@@ -346,7 +346,7 @@ def run_notes(fit: Fit, unit: Reducer) -> list[str]:
     """What the runs of a reducer lack, in words."""
     notes = []
     needed = samples_needed(unit)
-    for record in fit.bench.records:
+    for record in fit.run_set.records:
         count = record.theta.size / record.turns
         mesh = {name: fundamental_orders(unit)[name] for name in ("gear mesh", "cycloid mesh")}
         folded = [f"{name} {order:g}" for name, order in mesh.items() if order > count / 2]
@@ -364,7 +364,7 @@ def run_notes(fit: Fit, unit: Reducer) -> list[str]:
                 f"{record.name}: {record.turns:.3g} of a turn: drift, ratio error and encoder orders 1 and 2 look "
                 "alike over a short travel"
             )
-    if len({sense for record in fit.bench.records for sense in record.senses}) == 1:
+    if len({sense for record in fit.run_set.records for sense in record.senses}) == 1:
         notes.append("runs in one direction only: causes that share an order cannot be told apart; add a reverse run")
     return notes
 
@@ -376,9 +376,9 @@ def offset_note(fit: Fit, declared: Model, halves: Sequence[float]) -> str:
         return "index unknown: nothing that shows is declared or found, so the gear's marks cannot be placed"
     value = fit.model.effects[len(declared.effects)].values[0]
     half = math.degrees(halves[place])
-    turn = math.degrees(2 * math.pi / fundamental_orders(fit.bench.gears)["crank"])
+    turn = math.degrees(2 * math.pi / fundamental_orders(fit.run_set.gears)["crank"])
     known = [(e.key, e.indices) for e in declared.effects if not source(e.key).at_output]
-    again = all(source(key).repeats_with_crank(fit.bench.unit, indices) for key, indices in known)
+    again = all(source(key).repeats_with_crank(fit.run_set.unit, indices) for key, indices in known)
     turns = (
         f", or whole turns of the crank, {turn:.4g} deg, from there, and pins are counted from there" if again else ""
     )
@@ -393,7 +393,7 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
     out_before, out_after = left_out(printed, hold=True), left_out(fit)
     before, after = printed.residual, fit.residual
     result = []
-    for at, (record, run) in enumerate(zip(fit.bench.records, runs, strict=True)):
+    for at, (record, run) in enumerate(zip(fit.run_set.records, runs, strict=True)):
         rows = np.stack(
             [record.error, record.error - before[at], record.error - after[at], out_before[at], out_after[at]]
         )

@@ -249,7 +249,7 @@ class Fit:
 
     Attributes
     ----------
-    bench : RunSet
+    run_set : RunSet
     model : Model
         Its mechanism has the refitted stiffness, its effects (declared first) the fitted sizes.
     declared : Model
@@ -264,7 +264,7 @@ class Fit:
     moment : ndarray, shape (k,)
     """
 
-    bench: RunSet
+    run_set: RunSet
     model: Model
     declared: Model
     waves: tuple[Waveform, ...]
@@ -278,7 +278,7 @@ class Fit:
 
     @property
     def slim(self) -> Fit:
-        """The same without its rows, which are large; `onto` its bench has them again."""
+        """The same without its rows, which are large; `onto` its set of runs has them again."""
         return replace(self, rows=(), raw=())
 
     @property
@@ -292,21 +292,21 @@ class Fit:
 
         What lets contacts go makes other than its influence says.  What is read at the output is exact.
         """
-        bench, first = self.bench, len(self.declared.effects)
+        run_set, first = self.run_set, len(self.declared.effects)
         within = {i for i, e in enumerate(self.model.effects) if i >= first and not source(e.key).at_output}
         if not within:
-            return [np.zeros(sight.width) for sight in bench.sights]
+            return [np.zeros(sight.width) for sight in run_set.sights]
         rest = replace(self.model, effects=tuple(e for i, e in enumerate(self.model.effects) if i not in within))
         try:
-            waves = bench.solve(rest)
+            waves = run_set.solve(rest)
         except NotConvergedError:  # the rest stands on it: as far as it is linear
             values = np.array([v * (i in within) for i, e in enumerate(self.model.effects) for v in e.values])
-            return [values @ rows[: values.size] for rows in onto(bench, self).raw]
+            return [values @ rows[: values.size] for rows in onto(run_set, self).raw]
         apart = np.array(
-            [v * (i in within and bench.apart(e.key)) for i, e in enumerate(self.model.effects) for v in e.values]
+            [v * (i in within and run_set.apart(e.key)) for i, e in enumerate(self.model.effects) for v in e.values]
         )
-        offset, result, raw = self.model.index_offset, [], onto(bench, self).raw
-        for sight, which, rows in zip(bench.sights, bench.which, raw, strict=True):
+        offset, result, raw = self.model.index_offset, [], onto(run_set, self).raw
+        for sight, which, rows in zip(run_set.sights, run_set.which, raw, strict=True):
             both, less = (sight.of_wave(w[which], w[which].error[None], offset)[0] for w in (self.waves, waves))
             result.append(both - less + apart @ rows[: apart.size])
         return result
@@ -314,22 +314,22 @@ class Fit:
     @property
     def bound(self) -> float:
         """Squares that noise alone hardly exceeds."""
-        return self.bench.freedom + self.bench.allowance
+        return self.run_set.freedom + self.run_set.allowance
 
     @property
     def scale(self) -> float:
         """By how much less than noise's a square counts; 1 or more."""
-        return scale_of(self.data, self.bound, self.bench.policy)
+        return scale_of(self.data, self.bound, self.run_set.policy)
 
     @property
     def objective(self) -> float:
         """The less, the better."""
-        return counted(self.data, self.bound, self.bench.policy) + self.prior
+        return counted(self.data, self.bound, self.run_set.policy) + self.prior
 
     @property
     def deviance(self) -> float:
         """Minus twice the logarithm of the likelihood, sizes and noise, with the squares of the priors."""
-        return self.data + self.prior + sum(r.whiten.log_variance for r in self.bench.records)
+        return self.data + self.prior + sum(r.whiten.log_variance for r in self.run_set.records)
 
     @cached_property
     def weights(self) -> Array:
@@ -349,7 +349,7 @@ class Fit:
     @cached_property
     def off(self) -> Array:
         """How far each value is from the middle of its prior."""
-        return deviation(self.model, self.declared, self.bench.unit, len(self.bench.zeros))
+        return deviation(self.model, self.declared, self.run_set.unit, len(self.run_set.zeros))
 
     @cached_property
     def prior(self) -> float:
@@ -391,9 +391,9 @@ def layout(model: Model, zeros: int) -> tuple[int, int]:
 def prior_weights(fit: Fit) -> Array:
     """Inverse variances of priors."""
     sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
-    sigmas += [sigma for e in fit.added for sigma in fit.bench.deviation(e.key, e.indices)]
-    sigmas += fit.bench.soft_sigmas
-    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.bench.zeros))
+    sigmas += [sigma for e in fit.added for sigma in fit.run_set.deviation(e.key, e.indices)]
+    sigmas += fit.run_set.soft_sigmas
+    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.run_set.zeros))
 
 
 def _gears(unit: Mechanism) -> Reducer:
@@ -429,22 +429,22 @@ def deviation(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) ->
     return np.array([*off, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
 
 
-def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
+def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
     """A fit's state at given sizes: prediction, residual, changes."""
-    waves = bench.solve(model, near)
+    waves = run_set.solve(model, near)
     offset = model.index_offset
-    count, size = layout(model, len(bench.zeros))
-    solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not bench.apart(e.key)]
+    count, size = layout(model, len(run_set.zeros))
+    solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not run_set.apart(e.key)]
     ends = np.cumsum([0, *(len(e.values) for e in model.effects)])
     others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
-    apart = [e for _, e in others if bench.apart(e.key)]
-    forces = [c.forces(w) if apart else (None, None) for c, w in zip(bench.conditions, waves, strict=True)]
+    apart = [e for _, e in others if run_set.apart(e.key)]
+    forces = [c.forces(w) if apart else (None, None) for c, w in zip(run_set.conditions, waves, strict=True)]
     at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))])
     at = at.astype(np.intp)
 
     def seen(number: int) -> tuple[Array, Array, Array, float, Array, Array]:
         """Of one record: residual, whitened rows, rows, squares, Gram matrix and moment."""
-        sight, wave = bench.sights[number], waves[bench.which[number]]
+        sight, wave = run_set.sights[number], waves[run_set.which[number]]
         rows = np.zeros((size, sight.width))
         part = sight.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
         predicted = part[0]
@@ -455,26 +455,26 @@ def evaluated(bench: RunSet, model: Model, declared: Model, near: Sequence[Wavef
                 rows[own] = sight.change(wave, offset)
                 continue
             named = (effect.key, effect.indices)
-            rows[own] = sight.beyond(bench, model, named, forces[bench.which[number]][1], offset)
+            rows[own] = sight.beyond(run_set, model, named, forces[run_set.which[number]][1], offset)
             predicted = predicted + np.array(effect.values) @ rows[own]
-        for k, label in enumerate(bench.zeros):
-            if bench.records[number].zero == label:
+        for k, label in enumerate(run_set.zeros):
+            if run_set.records[number].zero == label:
                 rows[count + len(SOFTENING) + k] = sight.constant
         rest = sight.measured - predicted
         white = _whitened(sight, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
 
-    residuals, all_rows, raw, squares, grams, moments = zip(*bench.of_each(seen), strict=True)
+    residuals, all_rows, raw, squares, grams, moments = zip(*run_set.of_each(seen), strict=True)
     data, gram, moment = sum(squares), sum(grams), sum(moments)
-    if bench.zeros:  # a shared zero has any size: the best one is taken off here
-        z = slice(size - len(bench.zeros), size)
+    if run_set.zeros:  # a shared zero has any size: the best one is taken off here
+        z = slice(size - len(run_set.zeros), size)
         best = np.linalg.lstsq(gram[z, z], moment[z], rcond=None)[0]
         data -= float(best @ moment[z])
         moment -= best @ gram[z]
         for rest, white, rows in zip(residuals, all_rows, raw, strict=True):
             rest -= best @ rows[z]
             white[0] -= best @ white[1:][z]
-    return Fit(bench, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
+    return Fit(run_set, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
 
 
 def _whitened(sight: Sight, rows: Array) -> Array:
@@ -516,10 +516,10 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     enough : float
         Fall of the objective below which it has settled.
     """
-    backlash = soft_values(fit.bench.unit)[SOFTENING.index("gear_backlash")]
+    backlash = soft_values(fit.run_set.unit)[SOFTENING.index("gear_backlash")]
     reach = np.array(
         [0.5 * p.plausible for e in fit.model.effects for p in source(e.key).parameters] + [0.35] * 6
-        + [backlash + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.bench.zeros)
+        + [backlash + 1e-3, 0.1, 0.1, 0.5] + [np.inf] * len(fit.run_set.zeros)
     )  # fmt: skip
     damping = 0.0
     for _ in range(steps):
@@ -528,7 +528,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
         if gain < enough:
             return replace(fit, converged=True)
         try:
-            trial = evaluated(fit.bench, moved(fit.model, part * step), fit.declared, fit.waves)
+            trial = evaluated(fit.run_set, moved(fit.model, part * step), fit.declared, fit.waves)
         except NotConvergedError:
             trial = None
         fallen = -math.inf if trial is None else fit.objective - trial.objective
@@ -548,13 +548,13 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
 
 def settled(fit: Fit) -> Fit:
     """The fit to every sample, by way of few."""
-    few = fitted(onto(fit.bench.few, fit))
-    return fitted(evaluated(fit.bench, few.model, fit.declared))
+    few = fitted(onto(fit.run_set.few, fit))
+    return fitted(evaluated(fit.run_set, few.model, fit.declared))
 
 
 def bounds(fit: Fit) -> tuple[Array, Array]:
     """How far each value may go down and up: sizes that have no sign, backlash, exponents, shape (k,) each."""
-    soft, zeros = SOFT_BOUNDS - soft_values(fit.model.mechanism)[:, None], [math.inf] * len(fit.bench.zeros)
+    soft, zeros = SOFT_BOUNDS - soft_values(fit.model.mechanism)[:, None], [math.inf] * len(fit.run_set.zeros)
     down = [p.least - v for e in fit.model.effects for p, v in zip(source(e.key).parameters, e.values, strict=True)]
     low = np.array([*down, *soft[:, 0], *(-end for end in zeros)])
     high = np.array([*(math.inf for _ in down), *soft[:, 1], *zeros])
@@ -580,7 +580,7 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
                 break
             step = np.clip(step, low, high)
             held &= ~beyond
-        again = scale_of(left_by(fit, step), fit.bound, fit.bench.policy)
+        again = scale_of(left_by(fit, step), fit.bound, fit.run_set.policy)
         if again > 0.99 * scale:
             break
         scale = again
@@ -614,18 +614,19 @@ def left_by(fit: Fit, step: Array) -> float:
 
 def promised(fit: Fit, step: Array) -> float:
     """Fall of the objective after a step, as far as the prediction is linear."""
-    left = counted(left_by(fit, step), fit.bound, fit.bench.policy)
+    left = counted(left_by(fit, step), fit.bound, fit.run_set.policy)
     return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
 
 
 def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
-    records, rests = fit.bench.records, _left_as_noise(fit)
-    total, used, floor = float(sum(r.kept.sum() for r in records)), float(fit.free.sum()), fit.bench.policy.model_error
+    records, rests = fit.run_set.records, _left_as_noise(fit)
+    total, used = float(sum(r.kept.sum() for r in records)), float(fit.free.sum())
+    floor = fit.run_set.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
     noises = [
-        noise_of(rest, r.kept, share, floor=floor, calm=calm, few=fit.bench.linear, parts=r.sides)
+        noise_of(rest, r.kept, share, floor=floor, calm=calm, few=fit.run_set.linear, parts=r.sides)
         for r, rest, share in three
     ]
     return _under(fit, noises)
@@ -633,45 +634,45 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
 
 def walked(fit: Fit, like: Fit) -> Fit:
     """The same sizes under the noise of a fit, with the random walk beside it that their residual shows."""
-    three = zip(like.bench.records, fit.bench.records, _left_as_noise(fit), strict=True)
+    three = zip(like.run_set.records, fit.run_set.records, _left_as_noise(fit), strict=True)
     return _under(fit, [walking(one.noise, rest, r.kept) for one, r, rest in three if one.noise])
 
 
 def under(fit: Fit, like: Fit) -> Fit:
     """The same sizes under the noise of another fit."""
-    return _under(fit, [record.noise for record in like.bench.records])
+    return _under(fit, [record.noise for record in like.run_set.records])
 
 
 def _under(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
-    records = [replace(record, noise=noise) for record, noise in zip(fit.bench.records, noises, strict=True)]
-    return evaluated(fit.bench.with_records(records), fit.model, fit.declared, fit.waves)
+    records = [replace(record, noise=noise) for record, noise in zip(fit.run_set.records, noises, strict=True)]
+    return evaluated(fit.run_set.with_records(records), fit.model, fit.declared, fit.waves)
 
 
 def _left_as_noise(fit: Fit) -> list[Array]:
     """Residual of each run, less what offset, slips and lines make of it."""
-    return [r.told_as_noise(rest) for r, rest in zip(fit.bench.records, fit.residual, strict=True)]
+    return [r.told_as_noise(rest) for r, rest in zip(fit.run_set.records, fit.residual, strict=True)]
 
 
-def begun(bench: RunSet, model: Model, declared: Model) -> Fit:
+def begun(run_set: RunSet, model: Model, declared: Model) -> Fit:
     """The first state: noise of what the model leaves as it stands."""
     flat = [
         replace(
             r,
             noise=noise_of(
-                r.told_as_noise(r.error), r.kept, len(r.nuisance), floor=bench.policy.model_error, parts=r.sides
+                r.told_as_noise(r.error), r.kept, len(r.nuisance), floor=run_set.policy.model_error, parts=r.sides
             ),
         )
-        for r in bench.records
+        for r in run_set.records
     ]
-    return renoised(evaluated(bench.with_records(flat), model, declared))
+    return renoised(evaluated(run_set.with_records(flat), model, declared))
 
 
-def onto(bench: RunSet, fit: Fit) -> Fit:
-    """The same sizes on another bench, or on its own with its rows."""
-    if fit.bench is bench and fit.rows:
+def onto(run_set: RunSet, fit: Fit) -> Fit:
+    """The same sizes on another set of runs, or on its own with its rows."""
+    if fit.run_set is run_set and fit.rows:
         return fit
-    near = all(a.turn == b.turn for a, b in zip(bench.conditions, fit.bench.conditions, strict=True))
-    return evaluated(bench, fit.model, fit.declared, fit.waves if near else None)
+    near = all(a.turn == b.turn for a, b in zip(run_set.conditions, fit.run_set.conditions, strict=True))
+    return evaluated(run_set, fit.model, fit.declared, fit.waves if near else None)
 
 
 def as_declared(fit: Fit) -> Fit:
@@ -683,7 +684,7 @@ def as_declared(fit: Fit) -> Fit:
     ]
     model = replace(fit.declared, effects=(*kept, *fit.model.effects[count:]))
     try:
-        return evaluated(fit.bench, model, fit.declared, fit.waves)
+        return evaluated(fit.run_set, model, fit.declared, fit.waves)
     except NotConvergedError:  # what was added stands on the stiffness that was fitted with it
         return fit
 

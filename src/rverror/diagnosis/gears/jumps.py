@@ -54,12 +54,12 @@ def fall(before: Fit, after: Fit) -> float:
         left out.
     """
     whole, scale = before.objective - after.objective, max(before.scale, after.scale)
-    records = before.bench.records
-    if before.bench.linear or records != after.bench.records or any(record.noise is None for record in records):
+    records = before.run_set.records
+    if before.run_set.linear or records != after.run_set.records or any(record.noise is None for record in records):
         return whole
     for number, record in enumerate(records):
         at = _moved(before, after, number)
-        if at.any() and at.mean() < before.bench.policy.jumped:
+        if at.any() and at.mean() < before.run_set.policy.jumped:
             units = np.zeros((int(at.sum()), at.size))
             units[np.arange(len(units)), np.flatnonzero(at)] = 1
             basis = np.linalg.qr(record.whiten(units).T)[0].T
@@ -71,7 +71,7 @@ def fall(before: Fit, after: Fit) -> float:
 
 def _moved(before: Fit, after: Fit, number: int) -> Flags:
     """Samples of a run over which a jump moved from one fit to another."""
-    record, which = before.bench.records[number], before.bench.which[number]
+    record, which = before.run_set.records[number], before.run_set.which[number]
     assert record.noise is not None
     least = _BY_NOISE * record.noise.rms
     differ = np.abs(record.without_nuisance(after.residual[number] - before.residual[number])) > least

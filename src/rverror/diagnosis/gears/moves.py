@@ -103,20 +103,20 @@ class Starts:
         self._plain: dict[object, list[Waveform]] = {}
         self._made: dict[object, list[Waveform] | None] = {}
 
-    def of(self, bench: RunSet, effects: Sequence[Effect]) -> tuple[list[Waveform], list[list[Waveform] | None], int]:
+    def of(self, run_set: RunSet, effects: Sequence[Effect]) -> tuple[list[Waveform], list[list[Waveform] | None], int]:
         """Waveforms of what is declared, those with each effect, and how many had to be solved.
 
         They are None where there is no equilibrium.
         """
-        where = tuple((c.direction, c.torque, None if c.turn.closed else c.turn) for c in bench.conditions)
+        where = tuple((c.direction, c.torque, None if c.turn.closed else c.turn) for c in run_set.conditions)
         names = [(where, named(effect), effect.values) for effect in effects]
         new = [(name, effect) for name, effect in zip(names, effects, strict=True) if name not in self._made]
-        base = bench.solve(self.declared) if new or where not in self._plain else []
+        base = run_set.solve(self.declared) if new or where not in self._plain else []
         plain = self._plain.setdefault(where, [wave.bare for wave in base])
 
         def solve(effect: Effect) -> list[Waveform] | None:
             try:
-                return [wave.bare for wave in bench.solve(self.declared.with_effects(effect), base)]
+                return [wave.bare for wave in run_set.solve(self.declared.with_effects(effect), base)]
             except NotConvergedError:
                 return None
 
@@ -227,7 +227,7 @@ class Moves:
         """Single causes with the marks elsewhere: what is missing decides where they are too."""
 
         def at(offset: float) -> list[Trial]:
-            state = evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
+            state = evaluated(fit.run_set, marked(fit.model, offset), fit.declared, fit.waves)
             offers = singles(state, blocks(state), self.score.cost)[:2]
             away = state.objective - fit.objective
             return [replace(t, score=t.score + away) for t in self._offered(one, state.model, offers)]
@@ -240,7 +240,7 @@ class Moves:
     def moved(self, one: Hypothesis) -> Iterator[Trial]:
         """A set with its causes in equivalent places, begun anew from their starts, or with the marks elsewhere."""
         fit = as_declared(one.few)
-        declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.bench.unit
+        declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.run_set.unit
         free = {identity(name) for name in self.free(fit)} | {named(e) for e in added}
         places = [[e, *(p for p in equivalents(e, unit) if named(p) in free)] for e in added]
         sets = list(product(*places))
@@ -264,7 +264,7 @@ class Moves:
         models = [fit.model] + [
             replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
             for at, effect in enumerate(fit.added)
-            for other in equivalents(effect, fit.bench.unit)
+            for other in equivalents(effect, fit.run_set.unit)
             if named(other) in free
         ]
         yield from (Trial(marked(m, offset), one.score, one.slim) for offset in self._angles for m in models)
@@ -283,8 +283,8 @@ class Moves:
         """Others in the place of each cause: such as close the same gaps, equivalent places, linear steps, and starts
         of what repeats with the crank as the cause does, or does not."""
         (fit, blocks), cost = self.influences(one), self.score.cost
-        unit, free = fit.bench.unit, self.free(fit)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(fit.bench.gears))
+        unit, free = fit.run_set.unit, self.free(fit)
+        gaps = self._once("gaps", self.candidates, lambda: Gaps(fit.run_set.gears))
         for number, effect in enumerate(fit.added):
             name = effect.key, effect.indices
             rest, own = lifted(fit, number), columns_of(fit, [name])
@@ -354,7 +354,7 @@ class Moves:
         """A set on few angles, and every candidate's influence there."""
 
         def made() -> tuple[Fit, list[Columns]]:
-            fit = onto(one.fit.bench.few, one.fit)
+            fit = onto(one.fit.run_set.few, one.fit)
             return fit, self.blocks(fit)
 
         return self._lately("fitted", one, made)
@@ -363,7 +363,7 @@ class Moves:
         """The same with all declared sizes as declared."""
 
         def made() -> tuple[Fit, list[Columns]]:
-            plain = as_declared(onto(one.fit.bench.few, one.fit))
+            plain = as_declared(onto(one.fit.run_set.few, one.fit))
             return plain, self.blocks(plain)
 
         return self._lately("declared", one, made)
@@ -379,7 +379,7 @@ class Moves:
 
     def free(self, fit: Fit) -> list[Named]:
         """Candidates that a model does not have; of what is linear a declared size that was measured wrong too."""
-        taken = {named(e) for e in (fit.added if fit.bench.linear else fit.model.effects)}
+        taken = {named(e) for e in (fit.added if fit.run_set.linear else fit.model.effects)}
         return [c for c in self.candidates if identity(c) not in taken]
 
     def blocks(self, fit: Fit) -> list[Columns]:
@@ -397,7 +397,7 @@ class Moves:
         self, which: Callable[[Mechanism, Source, Indices], bool] = lambda *_: True, *, most: int = 10**6
     ) -> tuple[Named, ...]:
         """Candidates with starts, such as are wanted, of sources with so many places at most."""
-        unit, places = self.root.fit.bench.unit, self.score.places
+        unit, places = self.root.fit.run_set.unit, self.score.places
         return tuple(
             (key, indices)
             for key, indices in self.candidates
@@ -411,15 +411,15 @@ class Moves:
 
     def _starts(self, fit: Fit, names: tuple[Named, ...]) -> list[Columns]:
         """The change that each start of some candidates makes beside what is declared, if a model has them not."""
-        taken, bench, offset = {named(e) for e in fit.model.effects}, fit.bench, fit.model.index_offset
+        taken, run_set, offset = {named(e) for e in fit.model.effects}, fit.run_set, fit.model.index_offset
         which = tuple(map(identity, names))
-        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(bench, names))
+        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(run_set, names))
 
         def read() -> list[Array]:
-            return bench.of_each(partial(self._read, bench, offset, plain, [waves for _, waves in made]))
+            return run_set.of_each(partial(self._read, run_set, offset, plain, [waves for _, waves in made]))
 
         at_root = self.root.fit.model.index_offset == offset
-        rows = self._once(("rows", which), bench, read) if at_root else read()
+        rows = self._once(("rows", which), run_set, read) if at_root else read()
         return [
             Columns((e.key, e.indices), np.array([e.values]), tuple(own[at][None] for own in rows), start=True)
             for at, (e, _) in enumerate(made)
@@ -427,7 +427,7 @@ class Moves:
         ]
 
     def _started(
-        self, bench: RunSet, names: Sequence[Named]
+        self, run_set: RunSet, names: Sequence[Named]
     ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
         """Waveforms of the declared model, and with each start."""
         effects = [
@@ -435,16 +435,16 @@ class Moves:
             for key, indices in names
             for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
         ]  # fmt: skip
-        plain, made, new = self.starts.of(bench.coarser(_STARTS), effects)
+        plain, made, new = self.starts.of(run_set.coarser(_STARTS), effects)
         self.spent += new
         return plain, [(e, waves) for e, waves in zip(effects, made, strict=True) if waves]
 
     @staticmethod
     def _read(
-        bench: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
+        run_set: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
     ) -> Array:
         """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        sight, which = bench.sights[number], bench.which[number]
+        sight, which = run_set.sights[number], run_set.which[number]
         rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
         return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
 

@@ -57,10 +57,10 @@ class Columns:
 
 def columns_of(fit: Fit, names: Sequence[Named]) -> list[Columns]:
     """The influence of each parameter of some candidates, in the state of a fit."""
-    bench = fit.bench
-    rows = bench.influences(fit.model, fit.waves, names)
+    run_set = fit.run_set
+    rows = run_set.influences(fit.model, fit.waves, names)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in names)])
-    white = bench.of_each(lambda number: bench.sights[number].whiten(rows[number]))
+    white = run_set.of_each(lambda number: run_set.sights[number].whiten(rows[number]))
     return [
         Columns(name, np.eye(last - first), tuple(one[first:last] for one in white))
         for name, first, last in zip(names, ends[:-1], ends[1:], strict=True)
@@ -232,8 +232,8 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
         right = fit.moment[free] / scale - (fit.pull * fit.off)[free]
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
-        squares = n + fit.bench.policy.regular * (scale - 1)  # at which a square counts so much less
-        regular = fit.bench.policy.regular
+        squares = n + fit.run_set.policy.regular * (scale - 1)  # at which a square counts so much less
+        regular = fit.run_set.policy.regular
         counted = n + regular * math.log1p((squares - n) / regular)
         constant = counted + (fit.data - squares) / scale + fit.prior - float(right @ inverse @ right)
         reach = cross @ inverse / scale
@@ -266,6 +266,6 @@ def _own_products(left: Array, right: Array, ends: npt.NDArray[np.intp], width: 
 
 def _prior(block: Columns, fit: Fit, width: int) -> Array:
     """Inverse covariance of a block's columns before the runs are seen; 1 where it has none."""
-    own, found = block.directions / np.array(fit.bench.deviation(*block.name)), np.eye(width)
+    own, found = block.directions / np.array(fit.run_set.deviation(*block.name)), np.eye(width)
     found[: len(own), : len(own)] = own @ own.T
     return found

@@ -83,10 +83,10 @@ def diagnose_reducer(
             "angle; set the bench's zero on the marks, or diagnose runs under a constant torque"
         )
     tell("predicting the declared model")
-    bench = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
-    first = begun(bench, model, model)
+    run_set = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
+    first = begun(run_set, model, model)
     candidates = candidates_of(model, records, policy)
-    notes += bench.prior.notes(candidates)
+    notes += run_set.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(renoised(settled(first))), candidates, policy, journal, offsets)
@@ -122,21 +122,21 @@ def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hyp
     best, done = search.best(swap=False)
     policy = search.policy
     for _ in range(policy.looks):
-        fit = onto(best.fit.bench.anchored(best.fit.model.index_offset), best.fit)
+        fit = onto(best.fit.run_set.anchored(best.fit.model.index_offset), best.fit)
         calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
         least = policy.by_chance * policy.model_error
         changed = (
-            without_residual_faults(fit.bench.records, fit.residual, least=least)
-            if calm and not fit.bench.linear
+            without_residual_faults(fit.run_set.records, fit.residual, least=least)
+            if calm and not fit.run_set.linear
             else None
         )
-        seen = fit if changed is None else onto(fit.bench.with_records(changed), fit)
+        seen = fit if changed is None else onto(fit.run_set.with_records(changed), fit)
         if stilled:
             still = stilled(search, best, seen)
         else:
             still = quiet(search, best, seen, [] if changed else search.parts(best)) if done else renoised(seen)
-        bare = [replace(r, orders=(), slow=False) for r in still.bench.records]
-        root = fitted(onto(still.bench.with_records(bare), search.root.fit))
+        bare = [replace(r, orders=(), slow=False) for r in still.run_set.records]
+        root = fitted(onto(still.run_set.with_records(bare), search.root.fit))
         search = search.anew(root)
         before = best.names
         best, done = search.best(search.score.of(fitted(still), best.lines, best.slow))
@@ -171,7 +171,7 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
     if own.data > own.bound:  # of a run that holds copies: what was noise would be none
         return seen
     for part in parts:
-        bare = onto(seen.bench.with_records(part.fit.bench.records), part.fit)
+        bare = onto(seen.run_set.with_records(part.fit.run_set.records), part.fit)
         if _slopes(part) < _slopes(best):
             with_all, without = (walked(fit, own) for fit in (seen, bare))
         else:
@@ -220,10 +220,10 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
 
     What is missing may turn the match.
     """
-    unit, count = first.bench.gears, first.bench.policy.offsets
-    coarse = onto(first.bench.coarser(_PLACING), first)
+    unit, count = first.run_set.gears, first.run_set.policy.offsets
+    coarse = onto(first.run_set.coarser(_PLACING), first)
     span = 2 * math.pi / fundamental_orders(unit)["crank"]
-    if not all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.bench.around(first.model)):
+    if not all(source(e.key).repeats_with_crank(unit, e.indices) for e in first.run_set.around(first.model)):
         span, count = 2 * math.pi, 8 * count
 
     def left_at(offset: float) -> tuple[float, float]:
@@ -236,7 +236,7 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
 
 def turned_to(fit: Fit, offset: float) -> Fit:
     """The same sizes with the marks at an offset."""
-    return evaluated(fit.bench, marked(fit.model, offset), fit.declared, fit.waves)
+    return evaluated(fit.run_set, marked(fit.model, offset), fit.declared, fit.waves)
 
 
 def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit]]:
@@ -247,7 +247,7 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     with them: free marks go back to where these sizes fit.
     """
     fit, policy = one.fit, search.policy
-    ripple = 2 * math.pi / fundamental_orders(fit.bench.gears)["cycloid mesh"]
+    ripple = 2 * math.pi / fundamental_orders(fit.run_set.gears)["cycloid mesh"]
     others = np.ones(fit.moment.size, dtype=np.bool_)
     sizes = [source(e.key).acts != "marks" for e in fit.model.effects for _ in e.values]
     others[: len(sizes)] = sizes
@@ -255,7 +255,7 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     def at(angle: float) -> Fit | None:
         offset = fit.model.index_offset + angle
         try:
-            there = evaluated(fit.bench.anchored(offset), marked(fit.model, offset), fit.declared)
+            there = evaluated(fit.run_set.anchored(offset), marked(fit.model, offset), fit.declared)
             return fitted(fitted(there, free=others), steps=30)
         except NotConvergedError:
             return None

@@ -21,9 +21,9 @@ def nearly_noise(fit: Fit) -> bool:
 
     A fault is large in few values and what is missing shows in all, so none counts as more than noise makes it.
     """
-    white = (sight.whiten(rest[None]) for sight, rest in zip(fit.bench.sights, fit.residual, strict=True))
+    white = (sight.whiten(rest[None]) for sight, rest in zip(fit.run_set.sights, fit.residual, strict=True))
     squares = sum(float(np.minimum(row**2, _BY_NOISE**2).sum()) for row in white)
-    return squares <= fit.bench.policy.nearly_noise * fit.bound
+    return squares <= fit.run_set.policy.nearly_noise * fit.bound
 
 
 def without_residual_faults(

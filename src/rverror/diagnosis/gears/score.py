@@ -62,12 +62,12 @@ class Hypothesis:
     @property
     def whole(self) -> Hypothesis:
         """The same with the rows of its fit."""
-        return replace(self, fit=onto(self.fit.bench, self.fit))
+        return replace(self, fit=onto(self.fit.run_set, self.fit))
 
     @cached_property
     def few(self) -> Fit:
         """Its state on few angles, without rows."""
-        return onto(self.fit.bench.few, self.fit).slim
+        return onto(self.fit.run_set.few, self.fit).slim
 
     @property
     def names(self) -> frozenset[object]:
@@ -81,7 +81,7 @@ class Hypothesis:
 
 def _rows(fit: Fit, lines: int, slow: int) -> int:
     """Rows of so many lines, cos and sin, and of drift and settling, in all runs."""
-    records = fit.bench.records
+    records = fit.run_set.records
     return 2 * lines * len(records) + (slow * sum(len(r.settling) for r in records) if slow else 0)
 
 
@@ -109,7 +109,7 @@ class Score:
         """A fit, with the orders of its free lines and whether runs drift, and its score."""
         total = fit.objective
         first = sum(len(e.values) for e in fit.declared.effects)
-        prior = np.array([sigma for e in fit.added for sigma in fit.bench.deviation(e.key, e.indices)])
+        prior = np.array([sigma for e in fit.added for sigma in fit.run_set.deviation(e.key, e.indices)])
         at = slice(first, first + prior.size)
         total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
         total += sum(self.cost((e.key, e.indices)) for e in fit.added)
@@ -164,22 +164,22 @@ def strained(fit: Fit) -> bool:
     first = sum(len(e.values) for e in fit.declared.effects)
     weights = fit.pull.copy()
     weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
-    return float(weights @ fit.off**2) > chi_square(fit.bench.policy.strained, max(int((weights > 0).sum()), 1))
+    return float(weights @ fit.off**2) > chi_square(fit.run_set.policy.strained, max(int((weights > 0).sum()), 1))
 
 
 def unsure(fit: Fit, policy: Policy) -> float:
     """Squares that the errors of the equilibrium itself leave."""
-    return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.bench.records if r.noise)
+    return sum(float(r.kept.sum()) * (policy.model_error / r.noise.rms) ** 2 for r in fit.run_set.records if r.noise)
 
 
 def inexact(fit: Fit) -> float:
     """What the squares that the model's own errors leave count where a fit stands."""
-    policy, data = fit.bench.policy, max(fit.data, fit.bound)
+    policy, data = fit.run_set.policy, max(fit.data, fit.bound)
     own = unsure(fit, policy) + bent(fit, policy)
     return counted(data + own, fit.bound, policy) - counted(data, fit.bound, policy)
 
 
 def bent(fit: Fit, policy: Policy) -> float:
     """Squares that the model's error about what was added leaves, a share of what it makes through the gear train."""
-    seen = zip(fit.bench.sights, fit.added_parts, strict=True)
+    seen = zip(fit.run_set.sights, fit.added_parts, strict=True)
     return policy.added_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)

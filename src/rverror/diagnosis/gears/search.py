@@ -194,7 +194,7 @@ class Search:
 
         def fit(trial: Trial) -> Hypothesis:
             assert trial.fit is not None
-            end = fitted(onto(trial.origin.fit.bench, trial.fit), steps=30, enough=0.3)
+            end = fitted(onto(trial.origin.fit.run_set, trial.fit), steps=30, enough=0.3)
             return self.score.of(end, trial.origin.lines, trial.origin.slow)
 
         self._solved += 8 * len(trials)
@@ -244,12 +244,12 @@ class Search:
     def _line_left(self, fit: Fit) -> bool:
         """Tell whether a line is left that noise hardly ever makes; what it makes in one of a thousand runs is told."""
         chance = math.erfc(self.policy.by_chance / math.sqrt(2)) / 2
-        return fit.bench.sampled and bool(best_lines(fit, replace(self.policy, false_alarm=chance), outside=False))
+        return fit.run_set.sampled and bool(best_lines(fit, replace(self.policy, false_alarm=chance), outside=False))
 
     def _settles(self, one: Hypothesis) -> bool:
         """Tell whether drift or settling is left of runs that are long enough to tell it from an encoder's error."""
-        records = one.fit.bench.records
-        if one.slow or not one.fit.bench.settles:
+        records = one.fit.run_set.records
+        if one.slow or not one.fit.run_set.settles:
             return False
         slow = [r.settling for r in records]
         return (
@@ -281,7 +281,7 @@ class Search:
         """A set without each of its causes, lines, or drift, refitted."""
         found = each(partial(self._without, one), range(len(one.fit.added)))
         self._solved += 4 * len(found)
-        records = one.fit.bench.records
+        records = one.fit.run_set.records
         for order in one.lines:
             kept = tuple(o for o in one.lines if o != order)
             lined = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in records]
@@ -297,8 +297,8 @@ class Search:
             return self.root
         model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
         base = one.few
-        few = fitted(evaluated(base.bench, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
-        fit = onto(one.fit.bench, few)
+        few = fitted(evaluated(base.run_set, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
+        fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
             fit = fitted(fit)
         return self.score.of(fit, one.lines, one.slow)
@@ -376,18 +376,18 @@ class Search:
         one = one.whole
         if not self._settles(one):
             return []
-        slow = [replace(r, slow=True) for r in one.fit.bench.records]
+        slow = [replace(r, slow=True) for r in one.fit.run_set.records]
         return [self._with_records(one, slow, one.lines, slow=True)]
 
     def lined(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with the strongest line that no part has."""
-        if not one.fit.bench.sampled:  # a table names all its lines
+        if not one.fit.run_set.sampled:  # a table names all its lines
             return []
         one = one.whole
         return [
             self._with_records(
                 one,
-                [replace(r, orders=(*r.orders, line.order)) for r in one.fit.bench.records],
+                [replace(r, orders=(*r.orders, line.order)) for r in one.fit.run_set.records],
                 (*one.lines, line.order),
                 slow=one.slow,
             )
@@ -397,7 +397,7 @@ class Search:
     def _with_records(
         self, one: Hypothesis, records: Sequence[Record], lines: Sequence[float], *, slow: bool
     ) -> Hypothesis:
-        return self.score.of(fitted(onto(one.fit.bench.with_records(records), one.fit)), lines, slow)
+        return self.score.of(fitted(onto(one.fit.run_set.with_records(records), one.fit)), lines, slow)
 
     # --- what fits as well --------------------------------------------------------------------------------------------
 
@@ -431,16 +431,16 @@ class Search:
         for at, effect in enumerate(coarse.added):
             trials += [
                 replace(coarse.model, effects=(*coarse.model.effects[: first + at], other, *coarse.added[at + 1 :]))
-                for other in equivalents(effect, coarse.bench.unit)
+                for other in equivalents(effect, coarse.run_set.unit)
                 if named(other) == named(effect)
             ]
 
         def settled(model: Model) -> Fit | None:
             try:
-                fit = fitted(evaluated(coarse.bench, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
+                fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
             except NotConvergedError:
                 return None
-            return fitted(onto(one.fit.bench, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
+            return fitted(onto(one.fit.run_set, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
 
         away = [fit for fit in each(settled, trials) if fit is not None and fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]

@@ -56,7 +56,7 @@ class Sight(Protocol):
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
 
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is no waveform of the grid."""
 
     def whiten(self, rows: Array) -> Array:
@@ -104,7 +104,7 @@ class EverySample:
         """Change with the angle."""
         return self.readout(wave.grid, offset).change(wave.error)
 
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is projected at the samples themselves: no waveform that repeats."""
         unit = model.mechanism
         key, indices = named
@@ -112,8 +112,8 @@ class EverySample:
             return source_matrix(self._motion(unit, 0.0), {"output": np.ones((1, self.width))}, key, indices)
         assert forces is not None
         assert isinstance(unit, Reducer)
-        number = next(i for i, r in enumerate(bench.records) if r.name == self.record.name)
-        readout = self.readout(bench.conditions[bench.which[number]].turn, offset)
+        number = next(i for i, r in enumerate(run_set.records) if r.name == self.record.name)
+        readout = self.readout(run_set.conditions[run_set.which[number]].turn, offset)
         gears = self._motion(unit, offset)
         mesh = {
             k: readout(v.reshape(-1, v.shape[-1])).reshape(*v.shape[:-1], -1)
@@ -222,9 +222,9 @@ class MeanSamples(EverySample):
         """Change with the angle."""
         return np.asarray(self.averaged(super().change(wave, offset)[None])[0])
 
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source that is no waveform of the grid."""
-        return self.averaged(EverySample(self.record).beyond(bench, model, named, forces, offset))
+        return self.averaged(EverySample(self.record).beyond(run_set, model, named, forces, offset))
 
     @cached_property
     def whitening(self) -> Whitening:

@@ -60,17 +60,17 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
         Only orders that no part of the reducer has.
     most : int
     """
-    records, rests = list(fit.bench.records), fit.residual
-    turns, found = max(r.turns for r in fit.bench.records), list[LineFound]()
+    records, rests = list(fit.run_set.records), fit.residual
+    turns, found = max(r.turns for r in fit.run_set.records), list[LineFound]()
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
     bent = policy.line_share * max(float(np.std(part)) for part in fit.added_parts)
 
     def is_framed(order: float) -> bool:
-        return fit.bench.framed(order, apart)
+        return fit.run_set.framed(order, apart)
 
     for _ in range(_MOST_PEAKS):
-        line = _strongest(records, rests, policy, is_framed if outside else None, _SLOW * (not fit.bench.linear))
+        line = _strongest(records, rests, policy, is_framed if outside else None, _SLOW * (not fit.run_set.linear))
         if line is None or len(found) == most:
             break
         records = [replace(r, orders=(*r.orders, line.order)) for r in records]

@@ -74,7 +74,7 @@ class Trial:
         origin = self.origin
         try:
             if self.fit is None:
-                fit = evaluated(origin.few.bench, self.model, origin.few.declared, origin.few.waves)
+                fit = evaluated(origin.few.run_set, self.model, origin.few.declared, origin.few.waves)
             else:
                 fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
         except NotConvergedError:

@@ -35,8 +35,8 @@ _MOST = 16  # additions at most.  Chosen: ends a search that turns in a circle
 
 def conditions_of(fit: Fit) -> TableSet:
     """The conditions of tables, of a fit to them."""
-    assert isinstance(fit.bench, TableSet)
-    return fit.bench
+    assert isinstance(fit.run_set, TableSet)
+    return fit.run_set
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Linear:
     held: bool = False
 
     @property
-    def bench(self) -> TableSet:
+    def run_set(self) -> TableSet:
         """The conditions."""
         return conditions_of(self.fit)
 
@@ -76,7 +76,7 @@ class Linear:
     @cached_property
     def weights(self) -> Array:
         """Inverse variances of priors, shape (k,)."""
-        prior = [np.array(self.bench.deviation(*block.name)) ** -2.0 for block in self.blocks]
+        prior = [np.array(self.run_set.deviation(*block.name)) ** -2.0 for block in self.blocks]
         return np.concatenate([self.fit.weights[self.free], *prior])
 
     @cached_property
@@ -110,16 +110,16 @@ class Linear:
     @cached_property
     def squares(self) -> Array:
         """What the best step leaves of each order, shape (n,)."""
-        return self.bench.by_order(self._of_cases(self.left(self.best) ** 2))
+        return self.run_set.by_order(self._of_cases(self.left(self.best) ** 2))
 
     def _of_cases(self, values: Array) -> list[Array]:
         """All numbers, those of each condition."""
-        return np.split(values, np.cumsum([at.size for at in self.bench.places])[:-1])
+        return np.split(values, np.cumsum([at.size for at in self.run_set.places])[:-1])
 
     @cached_property
     def measured(self) -> Array:
         """Squares of what is measured of each order, shape (n,)."""
-        return self.bench.by_order(sight.whiten(sight.measured) ** 2 for sight in self.bench.sights)
+        return self.run_set.by_order(sight.whiten(sight.measured) ** 2 for sight in self.run_set.sights)
 
     @cached_property
     def left_out(self) -> list[Array]:
@@ -127,10 +127,10 @@ class Linear:
 
         Every third load is left out in its turn; every third condition where loads are few.
         """
-        loads = np.array([case.condition.torque or 0.0 for case in self.bench.cases])
+        loads = np.array([case.condition.torque or 0.0 for case in self.run_set.cases])
         distinct = np.unique(loads)
         place = np.searchsorted(distinct, loads) if distinct.size > 2 else np.arange(loads.size)
-        of = np.repeat(place % 3, [at.size for at in self.bench.places])
+        of = np.repeat(place % 3, [at.size for at in self.run_set.places])
         rest = np.zeros(of.size)
         for fold in np.unique(of):
             rest[of == fold] = self.left(self.step(of != fold))[of == fold]
@@ -212,7 +212,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
     """
     while fit.added:
         least = [
-            (Linear(lifted(fit, n)).objective - chi_square(fit.bench.policy.false_alarm, len(e.values)), n)
+            (Linear(lifted(fit, n)).objective - chi_square(fit.run_set.policy.false_alarm, len(e.values)), n)
             for n, e in enumerate(fit.added)
         ]
         objective, number = min(least)
@@ -222,7 +222,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
         journal.note("dropped", (gone.key, gone.indices), "needless once all are refitted at the load")
         at = len(fit.declared.effects) + number
         model = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
-        fit = fitted(evaluated(fit.bench, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
+        fit = fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
     return fit
 
 
@@ -258,7 +258,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
         model = moved(fit.model, share * step)
         model = replace(model, effects=(*model.effects, *sized))
         try:
-            return fitted(evaluated(fit.bench, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
+            return fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
         except NotConvergedError:
             continue
     return fit
@@ -269,14 +269,14 @@ def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: b
     taken = {identity(b.name) for b in state.blocks}
     trials = [state.beside(block) for block in pool if identity(block.name) not in taken]
     trials = sorted((t for t in trials if t.possible()), key=lambda t: t.objective)
-    policy = state.bench.policy
+    policy = state.run_set.policy
     for trial in trials[:_MOST]:
         block = trial.blocks[-1]
         if state.objective - trial.objective < chi_square(
             policy.false_alarm / max(len(pool), 1), len(block.directions)
         ):
             return None
-        beyond = state.squares > state.bench.most_of_noise
+        beyond = state.squares > state.run_set.most_of_noise
         if claims and beyond.any() and not _takes(state, block, beyond):
             journal.note("fell", block.name, "takes less than half of what is left of any order")
         elif trial.foretold > state.foretold:
@@ -296,18 +296,18 @@ def _takes(state: Linear, block: Columns, beyond: Flags) -> bool:
     if "torque" in source(block.name[0]).needs:
         state = replace(state, blocks=(*state.blocks, *_constants(state)))
     before, after = state.squares, state.beside(block).squares
-    policy = state.bench.policy
+    policy = state.run_set.policy
     much = before - after > policy.claim_counts * state.measured
     return bool((beyond & much & (after < (1 - policy.claim_takes) * before)).any())
 
 
 def _constants(state: Linear) -> list[Columns]:
     """Waves of any size that are the same at all loads, of each direction."""
-    bench, found = state.bench, []
-    for place in range(bench.orders.size):
-        for sense in sorted({case.condition.direction for case in bench.cases}):
+    run_set, found = state.run_set, []
+    for place in range(run_set.orders.size):
+        for sense in sorted({case.condition.direction for case in run_set.cases}):
             rows = []
-            for case, at, sigma in zip(bench.cases, bench.places, bench.sigmas, strict=True):
+            for case, at, sigma in zip(run_set.cases, run_set.places, run_set.sigmas, strict=True):
                 own = (at == place) & (case.condition.direction == sense)
                 first = np.arange(at.size) < case.orders.size
                 rows.append(np.stack([own & first, own & ~first]) / sigma)
@@ -344,15 +344,15 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     Of the M values that a law over the load has p sizes that mean nothing take a share x or more with the chance of
     the beta distribution of p/2 and (M - p)/2: where there are as many sizes as values that is 1.
     """
-    bench = conditions_of(fit)
+    run_set = conditions_of(fit)
     bare, at = _leading(fit, number)
     before, after = Linear(bare).squares, Linear(fit).squares
     sizes = len(fit.added[number].values)
-    values = float(bench.values[1][at])
+    values = float(run_set.values[1][at])
     share = 1 - after[at] / max(float(before[at]), 1e-300)
     share = min(max(share, 0.0), 1.0)
     return (
-        float(bench.orders[at]),
+        float(run_set.orders[at]),
         share,
         1.0 if sizes >= values else float(scipy.special.betaincc(sizes / 2, (values - sizes) / 2, share)),
     )

@@ -129,7 +129,7 @@ class TableSight(Sight):
         count = self.case.orders.size
         return np.concatenate([-row[count:] * self.case.orders, row[:count] * self.case.orders])
 
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Waves of a source that acts beyond the contacts."""
         unit = model.mechanism
         assert isinstance(unit, Reducer)

@@ -87,17 +87,17 @@ def diagnose_tables(
     made = partial(table_set, unit, policy=policy, anywhere=anywhere, prior=prior)
     plain = made(cases, noise)
     wide = plain.with_discrepancy(policy.line_share)
-    bench = made([cases[n] for n in some], [wide.sigmas[n] for n in some])
-    first = evaluated(bench, model, model)
+    run_set = made([cases[n] for n in some], [wide.sigmas[n] for n in some])
+    first = evaluated(run_set, model, model)
     root = fitted(first, steps=6)
-    candidates = candidates_of(model, bench, policy)
-    notes += bench.prior.notes(candidates)
+    candidates = candidates_of(model, run_set, policy)
+    notes += run_set.prior.notes(candidates)
     found = searched(root, candidates, journal)
     # what changes with the speed alone is in no model, so no set of causes leaves noise
     one_speed = len({case.condition.input_speed for case in cases}) == 1
     complete = _complete_set(root, found, candidates, given, journal) if one_speed else None
     if complete is not None:
-        found = evaluated(bench, complete[1].fit.model, model, complete[1].fit.waves)
+        found = evaluated(run_set, complete[1].fit.model, model, complete[1].fit.waves)
     tell("refitting everything under all conditions")
     whole = evaluated(wide, found.model, model)
     scattered = replace(wide, sigmas=tuple(widened(whole)))
@@ -161,8 +161,8 @@ def _complete_set(
     """
     if claims.data > policy.near_claims * claims.bound:
         return None
-    bench = replace(root.bench, policy=policy)
-    first, then = (fitted(evaluated(bench, fit.model, fit.declared, fit.waves)) for fit in (root, claims))
+    run_set = replace(root.run_set, policy=policy)
+    first, then = (fitted(evaluated(run_set, fit.model, fit.declared, fit.waves)) for fit in (root, claims))
     search = Search(first, candidates, policy, journal)
     best, done = search.best(*([search.score.of(then)] if claims.added else []))
     return (search, best) if done else None
@@ -209,29 +209,29 @@ def _some_of(cases: Sequence[OrderCase]) -> list[int]:
     return [n for n in slowest(cases) if (cases[n].condition.torque or 0.0) in loads]
 
 
-def candidates_of(model: Model, bench: TableSet, policy: Policy) -> tuple[Named, ...]:
+def candidates_of(model: Model, run_set: TableSet, policy: Policy) -> tuple[Named, ...]:
     """Sources of the catalogue that a table can show and the model does not have.
 
     Some only where there are several loads to tell them by.
     """
-    several = len({record.torque for record in bench.records}) > 1
+    several = len({record.torque for record in run_set.records}) > 1
 
     def wanted(entry: Source) -> bool:
         in_table = entry.in_tables and (several or "torque" not in entry.needs)
         return entry.periodic and policy.allows(entry) and (entry.tried if entry.in_tables is None else bool(in_table))
 
-    return offered(model, bench.records, wanted)
+    return offered(model, run_set.records, wanted)
 
 
-def laws_of(model: Model, bench: TableSet) -> tuple[Named, ...]:
+def laws_of(model: Model, run_set: TableSet) -> tuple[Named, ...]:
     """Laws over load and direction by which every whole order of a table can be described."""
     unit = model.mechanism
     assert isinstance(unit, Reducer)
-    both = len({case.condition.direction for case in bench.cases}) > 1
-    loaded = len({record.torque for record in bench.records if record.torque}) > 1
+    both = len({case.condition.direction for case in run_set.cases}) > 1
+    loaded = len({record.torque for record in run_set.records if record.torque}) > 1
     return tuple(
         (law.key, {**indices, "harmonic": round(order)})
-        for order in bench.orders.tolist()
+        for order in run_set.orders.tolist()
         if order.is_integer()  # they are told to six digits
         for law in LAWS
         if loaded or "torque" not in law.needs
@@ -242,13 +242,13 @@ def laws_of(model: Model, bench: TableSet) -> tuple[Named, ...]:
 
 def _strained_stiffness(fit: Fit, elastic: Sequence[ElasticEstimate]) -> list[str]:
     """Stiffnesses farther from where they were declared than is known of them: they make up for what is missing."""
-    known = fit.bench.gears.stiffness_uncertainty
+    known = fit.run_set.gears.stiffness_uncertainty
     return [
         f"{one.name} moved by {abs(math.log(one.value / one.declared)) / spread:.1f} of its uncertainty: it makes up "
         "for what no cause explains, and is not measured by it"
         for one in elastic
         if one.dimension == "stiffness" and (spread := getattr(known, one.name))
-        if abs(math.log(one.value / one.declared)) > fit.bench.policy.most_strain * spread
+        if abs(math.log(one.value / one.declared)) > fit.run_set.policy.most_strain * spread
     ]
 
 
@@ -258,9 +258,9 @@ def widened(fit: Fit) -> list[Array]:
     What causes leave is of no size that is known before.  Taken for noise of the size that was allowed for, it would
     drive declared sizes and stiffness to many times their uncertainty to make up for it.
     """
-    bench = conditions_of(fit)
-    more = np.sqrt(np.maximum(Linear(fit).squares / bench.values[0], 1.0))
-    return [sigma * more[at] for sigma, at in zip(bench.sigmas, bench.places, strict=True)]
+    run_set = conditions_of(fit)
+    more = np.sqrt(np.maximum(Linear(fit).squares / run_set.values[0], 1.0))
+    return [sigma * more[at] for sigma, at in zip(run_set.sigmas, run_set.places, strict=True)]
 
 
 # --- sizes ------------------------------------------------------------------------------------------------------------
@@ -273,17 +273,17 @@ def _rms_of(rests: Sequence[Array]) -> float:
 
 def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
     """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
-    bench = conditions_of(fit)
+    run_set = conditions_of(fit)
     more = unknown or [np.zeros_like(rest) for rest in left]
     rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
-    return Residual(_rms_of(rests), _peaks(bench, rests), _rms_of(held))
+    return Residual(_rms_of(rests), _peaks(run_set, rests), _rms_of(held))
 
 
-def _peaks(bench: TableSet, rests: Sequence[Array]) -> float:
+def _peaks(run_set: TableSet, rests: Sequence[Array]) -> float:
     """Largest peak-to-peak of the waves of a condition, over a turn."""
     theta = 2 * math.pi * np.arange(_POINTS) / _POINTS
     spans = []
-    for case, rest in zip(bench.cases, rests, strict=True):
+    for case, rest in zip(run_set.cases, rests, strict=True):
         count = case.orders.size
         waves = rest[:count] + 1j * rest[count:]
         spans.append(float(np.ptp((waves @ np.exp(1j * np.outer(case.orders, theta))).real)))
@@ -292,7 +292,7 @@ def _peaks(bench: TableSet, rests: Sequence[Array]) -> float:
 
 def left_out(state: Linear) -> list[Array]:
     """Residual of each condition with sizes from the others: every third load is left out in its turn."""
-    return [rest * sigma for rest, sigma in zip(state.left_out, state.bench.sigmas, strict=True)]
+    return [rest * sigma for rest, sigma in zip(state.left_out, state.run_set.sigmas, strict=True)]
 
 
 def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
@@ -306,10 +306,10 @@ def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
 
 def _reach(fit: Fit, variance: float) -> float:
     """Half width of an interval; what is left counts as noise of its size already."""
-    bench = conditions_of(fit)
+    run_set = conditions_of(fit)
     free = int(fit.free.sum())
-    spare = max(float(bench.values[1].sum()) - free, 4.0)
-    return math.sqrt(variance) * student((1 - bench.policy.confidence) / 2, spare)
+    spare = max(float(run_set.values[1].sum()) - free, 4.0)
+    return math.sqrt(variance) * student((1 - run_set.policy.confidence) / 2, spare)
 
 
 def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str, after: Residual) -> Addition:
@@ -333,14 +333,14 @@ def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     effect = replace(laws.effects()[number], origin=origin)
     first = sum(len(b.directions) for b in laws.blocks[:number])
     own = range(first, first + len(effect.values))
-    (at,) = np.flatnonzero(laws.bench.orders == effect.indices["harmonic"])
-    numbers = float(laws.bench.values[0][at])
+    (at,) = np.flatnonzero(laws.run_set.orders == effect.indices["harmonic"])
+    numbers = float(laws.run_set.values[0][at])
     # a law that does not hold leaves more than noise of its order
     more = max(1.0, float(laws.squares[at]) / numbers)
-    size = student((1 - laws.bench.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
+    size = student((1 - laws.run_set.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
     halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
     estimates, _ = estimated(effect, halves)
-    orders = source(effect.key).orders(laws.bench.unit, effect.indices)
+    orders = source(effect.key).orders(laws.run_set.unit, effect.indices)
     notes = ("describes an order and explains nothing: no part is behind it",)
     return Addition(effect, estimates, (), orders, after.heldout_rms, notes)
 
@@ -356,25 +356,25 @@ def _parts(fit: Fit) -> list[list[Array]]:
 
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
-    bench = conditions_of(fit)
-    power = bench.by_order(part**2 for part in _parts(fit)[number])
-    return leading(bench.orders, np.sqrt(power), math.sqrt(power.max()))
+    run_set = conditions_of(fit)
+    power = run_set.by_order(part**2 for part in _parts(fit)[number])
+    return leading(run_set.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
-    bench = conditions_of(fit)
+    run_set = conditions_of(fit)
     laws = _parts(fit)[named:]
     rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
-    squares = bench.by_order((rest / s) ** 2 for rest, s in zip(rests, bench.sigmas, strict=True))
-    cases = bench.values[0] / 2
-    size = np.sqrt(bench.by_order(rest**2 for rest in rests) / cases)
-    deviation = np.sqrt(bench.by_order(sigma**2 for sigma in bench.sigmas) / 2) / cases  # of a mean of all
+    squares = run_set.by_order((rest / s) ** 2 for rest, s in zip(rests, run_set.sigmas, strict=True))
+    cases = run_set.values[0] / 2
+    size = np.sqrt(run_set.by_order(rest**2 for rest in rests) / cases)
+    deviation = np.sqrt(run_set.by_order(sigma**2 for sigma in run_set.sigmas) / 2) / cases  # of a mean of all
     result = []
-    for n in np.flatnonzero((squares > bench.most_of_noise) & (size > bench.policy.least_line)).tolist():
-        order, mean = float(bench.orders[n]), float(size[n])
-        half = student((1 - bench.policy.confidence) / 2, max(float(cases[n]) - 1, 1.0)) * float(deviation[n])
-        frames = frames_of_order(bench.unit, order, tolerance=bench.policy.order_tolerance)
+    for n in np.flatnonzero((squares > run_set.most_of_noise) & (size > run_set.policy.least_line)).tolist():
+        order, mean = float(run_set.orders[n]), float(size[n])
+        half = student((1 - run_set.policy.confidence) / 2, max(float(cases[n]) - 1, 1.0)) * float(deviation[n])
+        frames = frames_of_order(run_set.unit, order, tolerance=run_set.policy.order_tolerance)
         result.append(Line(order, mean, max(mean - half, 0.0), mean + half, tuple(frames)))
     return tuple(sorted(result, key=lambda line: -line.amplitude))
 
@@ -391,15 +391,15 @@ def _kind(entry: Source) -> str:
 
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
-    bench = conditions_of(fit)
-    measured = [sight.measured for sight in bench.sights]
+    run_set = conditions_of(fit)
+    measured = [sight.measured for sight in run_set.sights]
 
     def along(parts: Sequence[Array]) -> Array:
-        return bench.by_order(one * part for one, part in zip(measured, parts, strict=True))
+        return run_set.by_order(one * part for one, part in zip(measured, parts, strict=True))
 
-    total, cases = along(measured), bench.values[0] / 2
+    total, cases = along(measured), run_set.values[0] / 2
     kinds = ("parts", "compliance", "measuring_chain", "empirical")
-    taken = {kind: np.zeros(bench.orders.size) for kind in kinds} | {"left": along(fit.residual)}
+    taken = {kind: np.zeros(run_set.orders.size) for kind in kinds} | {"left": along(fit.residual)}
     for effect, part in zip(fit.added, _parts(fit), strict=True):
         taken[_kind(source(effect.key))] += along(part)
     taken["parts"] += total - sum(taken.values())  # declared, and what is not linear
@@ -409,7 +409,7 @@ def _shares(fit: Fit) -> tuple[OrderShare, ...]:
             amplitude=math.sqrt(total[n] / cases[n]),
             **{kind: float(share[n] / max(total[n], 1e-300)) for kind, share in taken.items()},
         )
-        for n, order in enumerate(bench.orders)
+        for n, order in enumerate(run_set.orders)
     )
 
 
@@ -423,7 +423,7 @@ def left_of_table(model: Model, table: OrderTable) -> tuple[float, Array, Array]
     """
     assert isinstance(model.mechanism, Reducer)
     white = [np.ones(2 * case.orders.size) for case in table.cases]
-    bench = table_set(model.mechanism, table.cases, white, policy=POLICY, anywhere=False)
-    rests = evaluated(bench, model, model).residual
-    power = bench.by_order(0.5 * rest**2 for rest in rests) / len(rests)
-    return _rms_of(rests), bench.orders, np.sqrt(power)
+    run_set = table_set(model.mechanism, table.cases, white, policy=POLICY, anywhere=False)
+    rests = evaluated(run_set, model, model).residual
+    power = run_set.by_order(0.5 * rest**2 for rest in rests) / len(rests)
+    return _rms_of(rests), run_set.orders, np.sqrt(power)

@@ -36,11 +36,11 @@ _APART = 1e-5  # of a row beside others: what keeps less is one of them, so that
 class DriveSight(EverySample):
     """A run of a drive, sample by sample: no gear train moves its output."""
 
-    def beyond(self, bench: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Rows of a source, which hang on the angles alone."""
-        name, made = (id(self.record.theta), identity(named)), bench.made
+        name, made = (id(self.record.theta), identity(named)), run_set.made
         if name not in made:
-            made[name] = super().beyond(bench, model, named, forces, offset)
+            made[name] = super().beyond(run_set, model, named, forces, offset)
         return np.asarray(made[name])
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:

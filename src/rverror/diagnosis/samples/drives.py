@@ -79,8 +79,8 @@ def diagnose_drive(
     declared = replace(model, effects=()) if torque else model
     candidates = candidates_of_drive(declared, records, policy)
     policy = replace(policy, most_effects=len(candidates), regular=_ANY)
-    bench = drive_set(declared, records, policy, candidates)
-    root = fitted(evaluated(calm(bench), declared, declared))
+    run_set = drive_set(declared, records, policy, candidates)
+    root = fitted(evaluated(calm(run_set), declared, declared))
     turns = max(record.turns for record in records)
     search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
     last, best, _ = renewed(search, stilled)
@@ -139,18 +139,18 @@ def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
     )
 
 
-def calm(bench: DriveSet) -> DriveSet:
+def calm(run_set: DriveSet) -> DriveSet:
     """The runs under the noise that is left when all that may be regular is out of each by itself.
 
     A cause that no one has taken out yet would pass for noise: a drift of 21 arcsec makes a worm's noise a walk.
     """
-    rows = bench.influences(Model(bench.unit), (), bench.candidates)
+    rows = run_set.influences(Model(run_set.unit), (), run_set.candidates)
     records = []
-    for record, own in zip(bench.records, rows, strict=True):
+    for record, own in zip(run_set.records, rows, strict=True):
         rest, count = less(record.error, np.concatenate([record.nuisance, record.settling, own]))
-        noise = noise_of(rest, record.kept, float(count), floor=bench.policy.model_error, few=True)
+        noise = noise_of(rest, record.kept, float(count), floor=run_set.policy.model_error, few=True)
         records.append(replace(record, noise=noise))
-    return replace(bench, records=tuple(records))
+    return replace(run_set, records=tuple(records))
 
 
 def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
@@ -201,7 +201,7 @@ class DriveSearch(Search):
     def _more(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more, or what is regular: a linear step is the fit, so nothing is left to try."""
         models = [with_offer(one.fit.model, offer) for offer in self._leading(one)[:_FITTED]]
-        fits = each(lambda model: fitted(evaluated(one.fit.bench, model, one.fit.declared)), models)
+        fits = each(lambda model: fitted(evaluated(one.fit.run_set, model, one.fit.declared)), models)
         self.keep(self.score.of(fit, one.lines, one.slow) for fit in fits)
         self.keep(self.regular(one))
         yield from ()
@@ -213,7 +213,7 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = list[Hypothesis](), one.fit.bench.records, one.whole
+        found, records, whole = list[Hypothesis](), one.fit.run_set.records, one.whole
         if self._settles(whole):
             found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
         room = MOST_LINES - len(one.lines)
@@ -237,16 +237,16 @@ class DriveSearch(Search):
     def _in_place(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
         fit = one.whole.fit
         rest, cause = lifted(fit, number), fit.added[number]
-        bench, added = fit.bench, {named(e) for e in fit.added}
-        assert isinstance(bench, DriveSet)
-        others = [name for name in bench.candidates if identity(name) not in added]
+        run_set, added = fit.run_set, {named(e) for e in fit.added}
+        assert isinstance(run_set, DriveSet)
+        others = [name for name in run_set.candidates if identity(name) not in added]
         own, *blocks = [
             np.concatenate(block.rows, axis=1) for block in columns_of(rest, [(cause.key, cause.indices), *others])
         ]
         white = np.concatenate(rest.rows, axis=1)
         there = white[1:][np.linalg.norm(white[1:], axis=1) > 0]
         basis = np.linalg.qr((there / np.linalg.norm(there, axis=1)[:, None]).T)[0]
-        least = taken_off(white[0], np.concatenate([own, there]))[0] + 2 * fit.scale * math.log(bench.policy.alike)
+        least = taken_off(white[0], np.concatenate([own, there]))[0] + 2 * fit.scale * math.log(run_set.policy.alike)
         found = []
         for name, block in zip(others, blocks, strict=True):
             beyond = np.sum((block - (block @ basis) @ basis.T) ** 2, axis=1)
