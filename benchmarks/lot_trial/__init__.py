@@ -2,5 +2,6 @@
 
     python -m benchmarks.lot_trial.make --seed S --out FOLDER [--kind plain] [--units N]
 
-`exact` solves one reducer at exact poses, compiled, from `benchmarks.load_trial`; `make` draws a lot and writes it.
+`exact` solves one reducer at exact poses, compiled, from `benchmarks.load_trial`; `make` draws a lot and writes it;
+`spoilt` tells what the data hold of its spoilt units.
 """

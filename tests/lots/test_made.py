@@ -60,8 +60,9 @@ def made(
     *,
     odd: bool = False,
     ways: Sequence[float] = (1.0, -1.0),
+    spoilt: Mapping[int, Effect] | None = None,
 ) -> list[LotUnit]:
-    """Units with other stiffness than is declared, at 50 N*m.
+    """Units with other stiffness than is declared, at 50 N*m; by number what is wrong with those that are spoilt.
 
     With `odd` those of machine B have an encoder that is 5 arcsec off, and the last ten are 3 arcsec off across it.
     """
@@ -79,6 +80,8 @@ def made(
             effects.append(rverror.effect("sensor.encoder_eccentricity", cos="5 arcsec"))
         if odd and number >= count - 10:
             effects.append(rverror.effect("sensor.encoder_eccentricity", sin="3 arcsec"))
+        if spoilt and number in spoilt:
+            effects.append(spoilt[number])
         runs = []
         for direction in ways:
             theta = COARSE if direction > 0 else COARSE[::-1]
@@ -117,6 +120,19 @@ def test_amplitudes_of_waves_are_those_of_runs() -> None:
     found = amplitudes_of(MODEL, units_of([wave] * 3))
     assert found.of_waves(wave) == pytest.approx(found.values[0], abs=1e-12)
     assert found.waves(found.values, THETA.size)[1, 0] == pytest.approx(wave, abs=1e-12)
+
+
+def test_half_of_the_angles_tell_orders_onto_which_nothing_folds() -> None:
+    """Order 160 of 256 angles is that of 512; with 96 = 256 - 160 beside it all angles are needed."""
+    found = simulator()
+    found = replace(found, amplitudes=replace(found.amplitudes, orders=np.array([1, 14, 15, 30, 32, 49, 60, 160])))
+    theta, size = TURN * np.arange(512) / 512, 1e-5 * np.random.default_rng(1).normal(size=(30, 2, 1))
+    waves = size * np.cos(160 * theta) + size[::-1] * np.sin(160 * theta)
+    assert found.amplitudes.of_waves(waves[..., ::2]) == pytest.approx(found.amplitudes.of_waves(waves), abs=1e-15)
+    half = found.thinned(waves)
+    assert (half.angles, len(half.amplitudes.orders)) == (256, 8)
+    assert found.thinned(waves + size * np.cos(96 * theta)) is found
+    assert found.thinned(waves[..., ::2]).angles == found.angles  # a lot with no more samples is told from all
 
 
 def test_over_turns_a_covariance_is_the_mean_of_that_of_waves_begun_anywhere() -> None:
@@ -369,6 +385,22 @@ def test_without_marks_a_lot_is_told_whatever_the_zeros_of_its_units(both_ways: 
     assert (first.means, first.shifts, first.marked) == ((), (), False)
     assert "groups and changes are not searched" in first.notes[0]
     assert "no systematic error" not in rverror.to_text(first)
+
+
+def test_spoilt_units_without_marks_are_found_and_move_nothing(both_ways: list[LotUnit]) -> None:
+    """Two of 42, each with a bore that is far off: the processes are those of the other units alone."""
+    spoilt = {
+        40: rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, tangential="-90 um"),
+        41: rverror.effect("cycloid.disc_bore_position", disc=0, crank=1, tangential="80 um"),
+    }
+    units = unmarked(made(9, 42, SPREAD, 1.0, spoilt=spoilt), 1)
+    found = lot(MODEL, units, tolerances=TOLERANCES)
+    assert {one.serial for one in found.outsiders} == {"040", "041"}
+    assert found.units == 40
+    alone = sizes_of(lot(MODEL, unmarked(both_ways, 1), tolerances=TOLERANCES))
+    for key, (size, _, _) in sizes_of(found).items():
+        value, low, high = alone[key]
+        assert abs(size - value) < 0.25 * (high - low)
 
 
 def test_an_interval_is_that_of_a_sample_variance() -> None:

@@ -12,14 +12,16 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.lots.differences import Fits, single_parts, surprise
+from rverror.lots.differences import Fits, single_parts
 from rverror.lots.processes import UnitParts
 from rverror.lots.result import Outsider, Shift
 
 _TAIL = 0.25  # of the members, to which a tail is fitted: of 150 units 38
 _RATE = 1.0  # at most of a tail, for the largest of many chi-squares has it; contacts that open make tails longer
 _SHAPES = np.linspace(0.0, 1.0, 21)  # of a tail: none is an exponential, a half has no variance
-_ALONG, _ALL_OVER = 0.1, 0.3  # mean shape beforehand: what is off all over is lessened along parts, not all in all
+#: Mean shape beforehand.  The root of a distance is Lipschitz in normal errors, so its tail is no longer than normal;
+#: an exponential would do, and a little more is for parts whose errors are not normal.
+_ALONG, _ALL_OVER = 0.1, 0.06
 _SCALES = np.exp(np.linspace(-1.2, 1.0, 45))  # of a tail, over its mean: a fifth of 38 units' is their error
 _NORMAL = 1.96  # standard errors to either side of 95 %
 
@@ -33,7 +35,7 @@ class MembersTail:
     Attributes
     ----------
     seen : ndarray
-        What members make, as minus the logarithm of a chance.
+        What members make: minus the logarithm of a chance, or the root of a distance.
     usual_shape : float
         Mean of the shapes that are likely beforehand, none the most.
     """
@@ -164,12 +166,10 @@ def _distances(weight: Array, some: Array) -> Array:
 
 
 def _all_in_all(weight: Array, values: Array, members: Array) -> tuple[Array, Array, MembersTail]:
-    """Squared distance of each unit, its surprise as a scaled chi-square with members' mean and variance; members'."""
+    """Squared distance of each unit, its root as members make it, and that of members."""
     distance, theirs = (_distances(weight, some) for some in (values, members))
-    mean, variance = float(theirs.mean()), float(theirs.var(ddof=1))
-    scale, freedom = variance / (2 * mean), 2 * mean**2 / variance
-    scaled = distance / scale / _more(distance, theirs)
-    return distance, surprise(scaled, freedom), MembersTail(surprise(theirs / scale, freedom), _ALL_OVER)
+    root = np.sqrt(distance / _more(distance, theirs))
+    return distance, root, MembersTail(np.sqrt(theirs), _ALL_OVER)
 
 
 def _causes(fits: Fits, best: int, unit: Array, members: Array) -> tuple[Shift, ...]:
