@@ -12,9 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from rverror.base.arrays import Array
-
-Flags = npt.NDArray[np.bool_]
+from rverror.base.arrays import Array, Flags
 
 _MOST_LAGS = 32
 _LEAST_LAGS = 4  # of means of samples: those of noise of one lag have more than one

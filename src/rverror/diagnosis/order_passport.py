@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.diagnosis.passport_kinds import kinds_of
@@ -42,7 +42,6 @@ _NUMBERS = ("order", "direction", "torque", *NAMES, "sigma")
 _ROW = np.dtype([(name, "f8") for name in _NUMBERS] + [("wave", "c16"), ("case", "i8"), ("place", "i8")])
 
 Cases = npt.NDArray[Any]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

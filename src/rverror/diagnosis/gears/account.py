@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
 from rverror.diagnosis.gears.record import Record
@@ -16,7 +16,6 @@ from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
 from rverror.diagnosis.gears.waveform import SOFT_BOUNDS, soft_values
-from rverror.diagnosis.noise import Flags
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
 from rverror.geartrain.mechanism import Reducer

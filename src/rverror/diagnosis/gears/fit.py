@@ -15,9 +15,8 @@ from functools import cached_property
 from typing import ClassVar, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.chance import student
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
@@ -47,7 +46,6 @@ from rverror.statics.loaded_state import SOFTENING, NotConvergedError
 
 R = TypeVar("R")
 
-Flags = npt.NDArray[np.bool_]
 
 #: Angles a turn on which sets are compared before they are fitted to every sample, and means of samples: half of those
 #: of the fit, and of what order 156 says three quarters.

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
+from rverror.base.arrays import Flags
 from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.waveform import Waveform
-from rverror.diagnosis.noise import Flags
 
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
 _REACH = 4 * math.pi / 2048  # rad, 0.35 deg: beside exact poses a jump was out of place by one or two of 2048 a turn

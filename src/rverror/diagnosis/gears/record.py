@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
 from rverror.diagnosis.gears.waveform import Conditioned, under
-from rverror.diagnosis.noise import Flags, RunNoise, Whitening
+from rverror.diagnosis.noise import RunNoise, Whitening
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism

@@ -15,11 +15,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.diagnosis.gears.grid import AngleGrid, Readout
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.waveform import Named, Waveform
-from rverror.diagnosis.noise import Flags, Whitening, averaged
+from rverror.diagnosis.noise import Whitening, averaged
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism, Reducer

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, Flags, bounds, evaluated, fitted, lifted, moved, solved
+from rverror.diagnosis.gears.fit import Fit, bounds, evaluated, fitted, lifted, moved, solved
 from rverror.diagnosis.gears.ranking import Columns, columns_of
 from rverror.diagnosis.gears.score import identity, named
 from rverror.diagnosis.gears.waveform import Named
