@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 import rverror
 from gear_runs import CAM, OTHER, TURN, UNIT, begin, record_of, red, runs_of, search_of, settled
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import (
     account,
@@ -22,7 +22,7 @@ from rverror.diagnosis.gears.account import (
     spread,
     told_lines,
 )
-from rverror.diagnosis.gears.fit import Fit, Flags, RunSet, begun, evaluated, fitted
+from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
