@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from rverror.base.errors import InputError
-from rverror.base.toml import EXAMPLES, Place, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, read_toml
 from rverror.base.units import parse
 
 TEXT = """\
@@ -89,7 +89,7 @@ def test_line_of_any_key(keys: list[tuple[str, int, str]]) -> None:
         ((), "x.toml: no"),
     ],
 )
-def test_refusal_names_the_line_of_the_nearest_place(place: Place, said: str) -> None:
+def test_refusal_names_the_line_of_the_nearest_place(place: KeyPath, said: str) -> None:
     with pytest.raises(InputError) as caught:
         read_toml("x.toml", TEXT).refuse(place, "no")
     assert str(caught.value) == said

@@ -57,7 +57,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_WAVES",  # of a passport
         "_STEPS", "_MOST",  # of a search that makes claims
         "_STARTS", "_FEW_PLACES", "_NARROW", "_PATIENT", "_NEARLY", "_MOST_MOVES", "_CLOSE", "_OFFERED",
-            "_LOOKED_AT", "_TO_THE_END", "_DOUBT",  # of a search for sets
+            "_LOOKED_AT", "_AS_GOOD", "_TO_THE_END", "_DOUBT",  # of a search for sets
         "SCALES", "_SHRUNK", "_REGULAR",  # of a ranking
         "_PLACING",  # of unknown marks
         "_LEAST_SPEEDS",

@@ -122,19 +122,6 @@ def test_amplitudes_of_waves_are_those_of_runs() -> None:
     assert found.waves(found.values, THETA.size)[1, 0] == pytest.approx(wave, abs=1e-12)
 
 
-def test_half_of_the_angles_tell_orders_onto_which_nothing_folds() -> None:
-    """Order 160 of 256 angles is that of 512; with 96 = 256 - 160 beside it all angles are needed."""
-    found = simulator()
-    found = replace(found, amplitudes=replace(found.amplitudes, orders=np.array([1, 14, 15, 30, 32, 49, 60, 160])))
-    theta, size = TURN * np.arange(512) / 512, 1e-5 * np.random.default_rng(1).normal(size=(30, 2, 1))
-    waves = size * np.cos(160 * theta) + size[::-1] * np.sin(160 * theta)
-    assert found.amplitudes.of_waves(waves[..., ::2]) == pytest.approx(found.amplitudes.of_waves(waves), abs=1e-15)
-    half = found.thinned(waves)
-    assert (half.angles, len(half.amplitudes.orders)) == (256, 8)
-    assert found.thinned(waves + size * np.cos(96 * theta)) is found
-    assert found.thinned(waves[..., ::2]).angles == found.angles  # a lot with no more samples is told from all
-
-
 def test_over_turns_a_covariance_is_the_mean_of_that_of_waves_begun_anywhere() -> None:
     """Waves of two conditions, begun at each of 64 samples, as no order is above 32."""
     rng, orders = np.random.default_rng(2), np.array([1, 2, 5, 16, 31])

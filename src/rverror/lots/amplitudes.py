@@ -122,10 +122,6 @@ class Amplitudes:
         order = np.tile(self.orders, 2 * len(self.conditions))
         return np.asarray(order[:, None] == order)
 
-    def of_order(self, power: Array) -> Array:
-        """Sum over the amplitudes of the same order, shape (d,)."""
-        return np.asarray(self.same_order @ power)
-
     def over_turns(self, forms: Array) -> Array:
         """Mean of covariances over all turns of a unit's marks, where these are unknown, shape (..., d, d).
 
@@ -150,14 +146,9 @@ class Amplitudes:
         return replace(self, orders=self.orders[kept], values=self.values[:, chosen], noise=self.noise[chosen])
 
     def of_waves(self, waves: Array) -> Array:
-        """Amplitudes of waves over even angles of a turn, shape (..., n) to (..., 2 k), of one condition.
-
-        Orders above half of the angles are those that fold back there.
-        """
-        count = waves.shape[-1]
-        folded = np.minimum(self.orders, count - self.orders)
-        found = np.fft.rfft(waves, axis=-1)[..., folded] * (math.sqrt(2) / count)
-        return np.concatenate([found.real, np.where(folded < self.orders, 1.0, -1.0) * found.imag], axis=-1)
+        """Amplitudes of waves over even angles of a turn, shape (..., n) to (..., 2 k), of one condition."""
+        found = np.fft.rfft(waves, axis=-1)[..., self.orders] * (math.sqrt(2) / waves.shape[-1])
+        return np.concatenate([found.real, -found.imag], axis=-1)
 
     def waves(self, values: Array, angles: int) -> Array:
         """Waves over even angles of a turn of some units' amplitudes, rad, shape (units, conditions, angles)."""

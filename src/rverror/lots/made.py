@@ -29,7 +29,7 @@ from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
 from rverror.lots.processes import Process, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
-from rverror.lots.simulated import ANGLES, COMPLIANCES, Simulator, State
+from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, reducer_of
 from rverror.tolerances.declared import Tolerance
@@ -37,10 +37,11 @@ from rverror.tolerances.distribution import OUTSIDE
 
 #: False alarms of groups, changes and outsiders: in so many of all lots that have none, each.
 LEVEL = 0.01
-_DRAWN = 100  # units with influences, the same in every step: what their linear part makes is known without chance
+_DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
-_MEMBERS = 400  # units that show what a member may be, and what units to come: their 95 % quantile is known to 2.5 %
+_MEMBERS = 400  # units that show what a member may be
+_PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
 _SETS = 60  # states within the errors that tell how far the prediction is off
 _UNMARKED = (
@@ -115,17 +116,16 @@ def lot(
     amplitudes = amplitudes_of(model, units)
     tell(f"{count_of(len(amplitudes.values), 'unit')}, {', '.join(map(str, amplitudes.conditions))}")
     question = question_of(model, amplitudes, processes_of(model, amplitudes.conditions[0], tolerances), seed)
-    if not question.simulator.parts.processes:
+    simulator = question.simulator
+    if not simulator.parts.processes:
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
-    state, drawn = _matching(question, _everyone(question.simulator), seed, tell).rough(question.start)
-    simulator = question.simulator.thinned(drawn.waves)
-    question, cleaned = replace(question, simulator=simulator), _everyone(simulator)
-    values = cleaned.values
+    values = simulator.amplitudes.values * simulator.scale
+    everyone = np.ones(len(values), np.bool_)
+    cleaned, state = _Cleaned(values, everyone, everyone), question.start
     for number in range(3):
-        matching = _matching(question, cleaned, seed, tell)
+        matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
-        members = replace(simulator, angles=ANGLES).waveforms(estimate.state, _more(simulator, seed))
-        before, cleaned = cleaned, _clean(simulator, values, estimate, members, seed, cleaned)
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned)
         state, same = estimate.state, cleaned.same == before.same
         if same and (number or not estimate.poor):
             break
@@ -142,7 +142,7 @@ def lot(
         outsiders=cleaned.outsiders,
         differences=cleaned.differences,
         changes=cleaned.changes,
-        predicted=_predicted(simulator, amplitudes, estimate, members, cleaned, seed),
+        predicted=_predicted(simulator, amplitudes, estimate, cleaned, seed),
         chance=float(scipy.special.chdtrc(estimate.freedom, estimate.chi_square)),
         orders=simulator.amplitudes.orders.astype(np.float64),
         amplitudes=_rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
@@ -150,13 +150,6 @@ def lot(
         notes=_notes(amplitudes, cleaned),
         marked=amplitudes.marked,
     )
-
-
-def _everyone(simulator: Simulator) -> _Cleaned:
-    """All units, before anything is told of them."""
-    values = simulator.amplitudes.values * simulator.scale
-    everyone = np.ones(len(values), np.bool_)
-    return _Cleaned(values, everyone, everyone)
 
 
 def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
@@ -169,23 +162,19 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _matching(question: Question, cleaned: _Cleaned, seed: int, tell: Callable[[str], None]) -> MomentMatching:
+def _matching(
+    simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Callable[[str], None]
+) -> MomentMatching:
     """The method for units that belong together, with the same draws each time."""
-    simulator, rng = question.simulator, np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     count = len(simulator.parts.process)
     standard, others = rng.standard_normal((2, _DRAWN, count))
+    fresh = rng.standard_normal((3 * simulator.scale.size, count))
     sample = sample_of(cleaned.values[cleaned.kept], marked=simulator.amplitudes.marked)
-    return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, question.least, tell)
+    return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
 
 
-def _more(simulator: Simulator, seed: int) -> Array:
-    """Standard draws of more units than an estimate is made with."""
-    return np.random.default_rng(seed + 1).standard_normal((_MEMBERS, len(simulator.parts.process)))
-
-
-def _clean(
-    simulator: Simulator, values: Array, estimate: LotEstimate, waves: Array, seed: int, before: _Cleaned
-) -> _Cleaned:
+def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned) -> _Cleaned:
     """Find how groups differ and means change, and what is then no member.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
@@ -213,7 +202,7 @@ def _clean(
     unchanged = np.zeros(len(values), np.bool_)
     unchanged[ends[part.start] : ends[part.stop]] = True
 
-    odd = _outsiders(simulator, left, unchanged, estimate, simulator.whitened(waves))
+    odd = _outsiders(simulator, left, unchanged, estimate, seed)
     members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
     alike &= members & unchanged
     enough = alike.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
@@ -225,17 +214,19 @@ def _centred(values: Array) -> Array:
 
 
 def _outsiders(
-    simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, drawn: Array
+    simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
 ) -> tuple[Outsider, ...]:
     """Some units that are no members; none where they would be more than a fifth, for then they are the lot.
 
     After a change what is left of it would make its units no members.
     """
+    rng = np.random.default_rng(seed + 1)
+    drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
     marked = simulator.amplitudes.marked
     found = outsiders(
         values[some] - marked * np.median(values[some], axis=0),
         tuple(compress(simulator.amplitudes.serials, some)),
-        drawn - marked * drawn.mean(axis=0) + np.random.default_rng(1).standard_normal(drawn.shape),
+        drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
         estimate.weight,
         estimate.draws.influence,
         simulator.parts,
@@ -352,11 +343,12 @@ def _rms(amplitudes: Amplitudes, values: Array, noise: float = 0.0) -> Array:
 
 
 def _predicted(
-    simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, waves: Array, cleaned: _Cleaned, seed: int
+    simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, cleaned: _Cleaned, seed: int
 ) -> tuple[Predicted, ...]:
     """Peak-to-peak of units to come, what is systematic as the measured units have it."""
     rng, marked = np.random.default_rng(seed + 2), amplitudes.marked
     lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * marked
+    waves = simulator.waveforms(estimate.state, rng.standard_normal((_PREDICTED, len(simulator.parts.process))))
     angles = waves.shape[-1]
     common = simulator.amplitudes.waves(lifted[None] / simulator.scale, angles)[0]
     to_come = np.sort(np.ptp(waves + common, axis=2), axis=0)
@@ -372,7 +364,7 @@ def _predicted(
     for number, condition in enumerate(amplitudes.conditions):
         own, measured = to_come[:, number], seen[:, number]
         value, more = float(np.quantile(own, _SHARE)), float(spread[number])
-        places = len(own) * _SHARE + 1.96 * math.sqrt(len(own) * _SHARE * (1 - _SHARE)) * np.array([-1, 1])
+        places = len(own) * _SHARE + 1.96 * _SIDE * np.array([-1, 1])
         low, high = own[math.floor(places[0])], own[math.ceil(places[1])]
         quantile = Interval(
             value,
@@ -385,6 +377,7 @@ def _predicted(
 
 
 _SHARE = 0.95  # of the units, below whose quantile they are
+_SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
 
 
 def _peak_to_peak(simulator: Simulator, values: Array, angles: int) -> Array:
@@ -399,4 +392,8 @@ def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[
     for _ in range(_SETS):
         change, count = root @ rng.standard_normal(len(root)), len(state.deviation)
         deviation = np.sqrt(np.maximum(state.deviation**2 + change[:count], 0.0)) - state.deviation
-        yield draws.moved(State(deviation, change[count:]))
+        yield (
+            draws.values
+            + np.tensordot(deviation, draws.by_process, (0, 1))
+            + np.tensordot(change[count:], draws.by_compliance, (0, 1))
+        )

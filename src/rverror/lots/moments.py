@@ -24,11 +24,12 @@ _ROUNDS = (4, 8)  # with weights that follow the state; and steps at most with w
 _ROUGH = 4  # every such unit is drawn in these first rounds, which only come near
 _NARROW = 0.01  # of the statistics' variance: what some hundred units tell of a direction is not known better
 _RENEWALS = 2  # of the weights, until the state stays
-_SETTLED = 0.5  # fall of the objective, a chi-square: a step that promises less moves nothing by 0.7 standard errors
+_SETTLED = 0.1  # fall of the objective, a chi-square
 _STEP = 4.0  # times which a variance changes in one step
 _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
 _STARTS = 2
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
+_SHARE = 0.3  # of the drawn covariance that is taken block by block: as many units are drawn as three times its size
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,6 @@ class _Weights(NamedTuple):
     forms: Array  # (a, d, d): quadratic ones
     of_mean: Array  # (6, d): linear ones
     inverse: Array  # (a + 6, a + 6)
-    control: Array  # (d, components): influences, of whose part of the drawn units' covariance the mean is known
 
 
 class _Distance(NamedTuple):
@@ -139,6 +139,8 @@ class MomentMatching:
         Standard normal draws of the parts, the same throughout.
     others : ndarray, shape (n, components)
         Others, of which statistics are made: a form that is made of a unit's own changes is larger for that unit.
+    fresh : ndarray, shape (m, components)
+        Others, of which the inverse covariance of amplitudes is made.
     least : ndarray, shape (processes,)
         Standard deviations that no lot tells from none; what is less is drawn with these, as none has no slope.
     tell : callable
@@ -148,40 +150,34 @@ class MomentMatching:
     sample: Sample
     standard: Array
     others: Array
+    fresh: Array
     least: Array
     tell: Progress
 
-    def rough(self, state: State) -> tuple[State, Draws]:
-        """A state that is near, from one that need not be, and the last units drawn."""
-        draws: Draws | None = None
-        for number in range(_ROUNDS[0]):
-            draws = self.simulator.draws(state, self.standard[::_ROUGH], draws)
-            # of a covariance that is too large where contacts open: nothing runs away by it
-            weights = self._weights(draws, np.asarray(np.linalg.inv(draws.covariance(state.deviation))))
-            distance = self._distance(draws, state, weights)
-            self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
-            state, _ = self._stepped(state, distance, weights, 0.3)
-        assert draws is not None
-        return state, draws
-
     def estimate(self, state: State, *, again: bool = False) -> LotEstimate:
-        """Processes that make a lot like the sample, from a state that is near.
+        """Processes that make a lot like the sample, from a state onwards, `again` where it is near.
 
         Parameters
         ----------
         state : State
         again : bool
-            Whether other starts are tried where the fit is poor.
+            Whether the rounds with rough weights are left out.
 
         Returns
         -------
         LotEstimate
         """
-        draws, others = self.simulator.draws(state, self.standard), None
+        for number in range(0 if again else _ROUNDS[0]):
+            draws = self.simulator.draws(state, self.standard[::_ROUGH])
+            # of a covariance that is too large where contacts open: nothing runs away by it
+            weights = self._weights(draws, np.asarray(np.linalg.inv(draws.covariance(state.deviation))))
+            distance = self._distance(draws, state, weights)
+            self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
+            state = self._stepped(state, distance, weights, 0.3)
+        draws = self.simulator.draws(state, self.standard)
         for renewal in range(_RENEWALS):
-            before, others = state, self.simulator.draws(state, self.others, others)
-            weight = self._weight(state, others)
-            weights = self._weights(others, weight, both=True)
+            before, weight = state, self._weight(state)
+            weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
             state, draws, distance = self._settled(state, draws, weights)
             if again and not renewal and distance.chi_square > chi_square(_DOUBTED, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
@@ -193,12 +189,8 @@ class MomentMatching:
         """Damped steps until the objective stays."""
         distance, damping = self._distance(draws, state, weights), 0.1
         for number in range(_ROUNDS[1]):
-            trial, promised = self._stepped(state, distance, weights, damping)
-            if promised < _SETTLED:  # what it leaves is of the second order
-                change = State(trial.deviation - state.deviation, trial.compliance - state.compliance)
-                grown = (trial.deviation / state.deviation)[self.simulator.parts.process]
-                return trial, replace(draws, values=draws.moved(change), parts=draws.parts * grown), distance
-            solved = self.simulator.draws(trial, self.standard, draws)
+            trial = self._stepped(state, distance, weights, damping)
+            solved = self.simulator.draws(trial, self.standard)
             there = self._distance(solved, trial, weights)
             fallen = distance.objective - there.objective
             if fallen > 0:
@@ -231,8 +223,7 @@ class MomentMatching:
 
     def _by_its_own(self, state: State, draws: Draws) -> float:
         """Objective of a state by weights that are made there."""
-        others = self.simulator.draws(state, self.others)
-        weights = self._weights(others, self._weight(state, others), both=True)
+        weights = self._weights(self.simulator.draws(state, self.others), self._weight(state), both=True)
         return self._distance(draws, state, weights).objective
 
     def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
@@ -258,20 +249,12 @@ class MomentMatching:
 
     # --- statistics ---------------------------------------------------------------------------------------------------
 
-    def _weight(self, state: State, draws: Draws) -> Array:
-        """Inverse covariance of a unit's amplitudes, of its bounds and the power that drawn units have in each order.
-
-        What influences make on average is no more than the covariance, and what they make one by one no less
-        (page ``theory/lots.md``).  Midway is exact as far as contacts that open make a response quadratic.
-        """
-        amplitudes, of, unit = self.simulator.amplitudes, self.simulator.parts.process, np.eye(draws.values.shape[1])
-        linear = draws.influence * state.deviation[of]
-        about = 0.0 if draws.marked else np.outer(*[draws.values.mean(axis=0)] * 2)
-        middle = amplitudes.over_turns(linear @ linear.T / 2 + about) + (draws.covariance(state.deviation) - unit) / 2
-        made = sample_of(draws.values, marked=draws.marked).covariance
-        power = [amplitudes.of_order(np.diag(one)) for one in (made, middle)]
-        more = np.sqrt(power[0] / power[1])
-        return np.asarray(np.linalg.inv(middle * np.outer(more, more) + unit))
+    def _weight(self, state: State) -> Array:
+        """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
+        values = self.simulator.values(state, self.fresh)
+        amplitudes = self.simulator.amplitudes
+        made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
+        return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~amplitudes.same_order) + np.eye(len(made))))
 
     def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""
@@ -282,36 +265,30 @@ class MomentMatching:
             kinds += list(self.simulator.amplitudes.over_turns(np.array(means)))
         forms = np.array([weight @ kind @ weight for kind in kinds])
         forms /= np.sqrt(np.einsum("ade,ade->a", forms, forms))[:, None, None]
-        control = draws.influence
-        normal = 2 * np.einsum("ade,bed->ab", *[forms @ np.linalg.inv(weight)] * 2, optimize=True)
         noisy = draws.about_mean + np.random.default_rng(1).standard_normal(draws.values.shape)
-        of_lot = np.cov(_squares(forms, noisy)) / (units - 1)
-        beyond = _squares(forms, draws.about_mean) - _squares(forms, draws.parts @ control.T)
-        spread = _blended(of_lot, normal) + _blended(np.cov(beyond) / len(draws.values), normal)
+        spread = np.cov(np.array([np.einsum("ud,ud->u", noisy @ form, noisy) for form in forms]))
+        drawn = 1 / len(draws.values)
         count, prior = len(forms), self.simulator.parts.plausible
         shifted = draws.influence * prior
         whole = draws.mean_covariance(units) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * draws.marked]
         inverse = np.zeros((count + len(of_mean), count + len(of_mean)))
-        inverse[:count, :count] = _inverse(spread)
+        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn))
         inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
-        return _Weights(forms, of_mean, inverse, control)
+        return _Weights(forms, of_mean, inverse)
 
     def _distance(self, draws: Draws, state: State, weights: _Weights) -> _Distance:
         """Statistics of the sample less those of the drawn units, and how these change with the state."""
         forms, about, count = weights.forms, draws.about_mean, len(draws.values)
         pressed = np.array([about @ form for form in forms])  # (a, u, d)
         made = np.einsum("aud,ud->a", pressed, about) / (count - draws.marked)
-        lacking, by_variance = self._lacking(draws, state, weights)
-        made += lacking
         noise = np.eye(about.shape[1])
         had = np.einsum("ade,de->a", forms, self.sample.covariance - noise)
         shifted = self.sample.mean - draws.mean
         away = np.concatenate([had - made, weights.of_mean @ shifted])
         twice = 2 * np.maximum(state.deviation, _SMALL * self.least)
         changes = np.concatenate([draws.by_process / twice[:, None], draws.by_compliance], axis=1)
-        of_forms = 2 * np.einsum("aud,ucd->ac", pressed, changes, optimize=True) / (count - draws.marked)
-        of_forms[:, : len(twice)] += by_variance
+        of_forms = 2 * np.einsum("aud,ucd->ac", pressed, changes, optimize=True) / count
         of_mean = weights.of_mean @ changes.mean(axis=0).T
         for at in np.flatnonzero(state.deviation <= _SMALL * self.least):
             of_forms[:, at] = np.einsum("ade,de->a", forms, draws.squares[at])
@@ -319,22 +296,6 @@ class MomentMatching:
         objective = float(away @ weights.inverse @ away + self._prior(state))
         chi = float((had - made) @ weights.inverse[: len(forms), : len(forms)] @ (had - made))
         return _Distance(objective, chi, away, np.concatenate([of_forms, of_mean]))
-
-    def _lacking(self, draws: Draws, state: State, weights: _Weights) -> tuple[Array, Array]:
-        """What the linear part of drawn units lacks of its mean in each form, and the change per variance.
-
-        Its covariance is known.  That of the drawn parts is not quite the processes', which is most of the chance in
-        the covariance of drawn units.
-        """
-        of, control, forms = self.simulator.parts.process, weights.control, weights.forms
-        drawn = draws.parts.T @ draws.parts / (len(draws.parts) - draws.marked)
-        lack = np.diag(state.deviation[of] ** 2) - drawn
-        by_variance = np.empty((len(forms), len(state.deviation)))
-        half = control @ lack  # of either factor, as both follow the deviations
-        for number, variance in enumerate(np.maximum(state.deviation**2, 1e-300)):
-            own = of == number
-            by_variance[:, number] = np.einsum("ade,de->a", forms, half[:, own] @ control[:, own].T) / variance
-        return np.einsum("ade,de->a", forms, half @ control.T), by_variance
 
     def _prior(self, state: State) -> float:
         """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""
@@ -346,8 +307,8 @@ class MomentMatching:
 
     # --- steps --------------------------------------------------------------------------------------------------------
 
-    def _stepped(self, state: State, distance: _Distance, weights: _Weights, damping: float) -> tuple[State, float]:
-        """The state after a step of least squares within bounds, and the fall of the objective that it promises."""
+    def _stepped(self, state: State, distance: _Distance, weights: _Weights, damping: float) -> State:
+        """The state after a step of least squares within bounds."""
         count, least = len(state.deviation), self.least
         unit, information, pull = self._normal(state, distance, weights)
         information = information + np.diag(np.r_[np.full(count, damping), np.zeros(COMPLIANCES)] + 1e-6)
@@ -360,8 +321,7 @@ class MomentMatching:
             factor.T, np.linalg.solve(factor, pull), bounds=((low - now) / unit - 1e-12, (high - now) / unit + 1e-12)
         )
         new = now + found.x * unit
-        promised = float(found.x @ (2 * pull - information @ found.x))
-        return replace(state, deviation=np.sqrt(np.maximum(new[:count], least**2)), compliance=new[count:]), promised
+        return replace(state, deviation=np.sqrt(np.maximum(new[:count], least**2)), compliance=new[count:])
 
     def _normal(self, state: State, distance: _Distance, weights: _Weights) -> tuple[Array, Array, Array]:
         """Units of the values, and in these the information on them and the pull."""
@@ -393,20 +353,6 @@ def _inverse(matrix: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size) + _NARROW * np.eye(len(size))
     return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
-
-
-def _blended(drawn: Array, normal: Array) -> Array:
-    """Covariance of the forms: what units drawn for it show, their correlations half of those of normal amplitudes.
-
-    A hundred units tell variances well, but correlations of some thirty forms not well enough to be inverted.
-    """
-    size = np.sqrt(np.diag(drawn) / np.diag(normal))
-    return np.asarray((drawn + normal * np.outer(size, size)) / 2)
-
-
-def _squares(forms: Array, values: Array) -> Array:
-    """Quadratic forms of units' amplitudes, shape (forms, units)."""
-    return np.array([np.einsum("ud,ud->u", values @ form, values) for form in forms])
 
 
 def sample_of(values: Array, *, marked: bool = True) -> Sample:

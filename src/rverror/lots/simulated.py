@@ -21,10 +21,7 @@ from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
 COMPLIANCES = 6
-#: Of a turn at most; orders above 312, which fold onto those up to 200, are below the noise.
-ANGLES = 512
-_FOLDED = 0.05  # of the variance of an order and its noise that half of the angles may change: a hundred units tell 7 %
-_LEFT = 0.95  # of the orders, that half of the angles must tell
+_ANGLES = 512  # of a turn at most; orders above 312, which fold onto those up to 200, are below the noise
 
 
 @dataclass(frozen=True)
@@ -49,12 +46,6 @@ class Draws:
 
     Attributes
     ----------
-    waves : ndarray, shape (units, conditions, n)
-        Errors over a turn, rad.
-    poses : ndarray, shape (units, conditions, n, unknowns)
-        Settled poses: where the same units of a state near by are sought.
-    parts : ndarray, shape (units, components)
-        Errors of the parts about the drawing's means, normal: none is cut at its least value, core units.
     values : ndarray, shape (units, d)
         Amplitudes.
     by_process : ndarray, shape (units, processes, d)
@@ -69,9 +60,6 @@ class Draws:
         Whether units have a mean that a lot shows: they do not where each is turned by an angle of its own.
     """
 
-    waves: Array
-    poses: Array
-    parts: Array
     values: Array
     by_process: Array
     by_compliance: Array
@@ -83,25 +71,9 @@ class Draws:
         """Covariance, noise included, were all linear: no contact that opens makes it smaller, shape (d, d)."""
         return np.asarray(np.einsum("c,cde->de", deviation**2, self.squares) + np.eye(self.values.shape[1]))
 
-    def beyond(self, control: Array) -> Array:
-        """Amplitudes about their mean, less what the parts' errors make by influences (d, components), (units, d)."""
-        return np.asarray(self.about_mean - self.parts @ control.T)
-
     def mean_covariance(self, units: int) -> Array:
-        """Covariance of the mean of so many units with noise, less that of these draws, shape (d, d).
-
-        The draws' errors have no mean, so theirs is only of what is beyond the influences.
-        """
-        of_lot = np.cov(self.values.T) + np.eye(self.values.shape[1])
-        return np.asarray(of_lot / units + np.cov(self.beyond(self.influence).T) / len(self.values))
-
-    def moved(self, change: State) -> Array:
-        """Amplitudes of the same units where the state has changed by so much, to the first order."""
-        return np.asarray(
-            self.values
-            + np.tensordot(change.deviation, self.by_process, (0, 1))
-            + np.tensordot(change.compliance, self.by_compliance, (0, 1))
-        )
+        """Covariance of the mean of so many units with noise, less that of these draws, shape (d, d)."""
+        return np.asarray((np.cov(self.values.T) + np.eye(self.values.shape[1])) * (1 / units + 1 / len(self.values)))
 
     @cached_property
     def mean(self) -> Array:
@@ -124,14 +96,11 @@ class Simulator:
     parts : UnitParts
     amplitudes : Amplitudes
         Whose conditions, orders and noise count.
-    angles : int
-        Of a turn, if it has so many samples.
     """
 
     model: Model
     parts: UnitParts
     amplitudes: Amplitudes
-    angles: int = ANGLES
 
     @cached_property
     def _turns(self) -> list[LoadedTurn]:
@@ -140,7 +109,7 @@ class Simulator:
         Pins follow the profiles: without that order 77 of an RV-40E with pins of 3 um is 0.2 arcsec off.
         """
         model = replace(self.model, mechanism=curved(self.model.mechanism))
-        every, angles = self.parts.placed, min(self.angles, self.amplitudes.samples)
+        every, angles = self.parts.placed, min(_ANGLES, self.amplitudes.samples)
         return [
             LoadedTurn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
             for c in self.amplitudes.conditions
@@ -159,21 +128,6 @@ class Simulator:
             for turn in self._turns
         ]
 
-    def thinned(self, waves: Array) -> Simulator:
-        """The same at every other angle, where these tell nearly all orders of such waveforms; and of those orders.
-
-        Onto an order k folds what units have at n - k, n the angles: next to nothing between harmonics of the meshes.
-        """
-        amplitudes = self.amplitudes
-        if waves.shape[-1] % 2 or waves.shape[-1] < ANGLES:
-            return self
-        full, half = (amplitudes.of_waves(some).reshape(len(some), -1) for some in (waves, waves[..., ::2]))
-        own, off = full.var(axis=0) + amplitudes.noise, np.mean((half - full) ** 2, axis=0)
-        clear = (amplitudes.of_order(off) < _FOLDED * amplitudes.of_order(own))[: len(amplitudes.orders)]
-        if clear.mean() < _LEFT:
-            return self
-        return replace(self, amplitudes=amplitudes.of_orders(clear), angles=waves.shape[-1] // 2)
-
     def waveforms(self, state: State, standard: Array) -> Array:
         """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n)."""
         turns = self._loaded(state.compliance)
@@ -188,36 +142,30 @@ class Simulator:
 
     def values(self, state: State, standard: Array) -> Array:
         """Whitened amplitudes of units, of those that have an equilibrium, shape (units, d)."""
-        return self.whitened(self.waveforms(state, standard))
-
-    def whitened(self, waves: Array) -> Array:
-        """Whitened amplitudes of waveforms, shape (units, conditions, n) to (units, d)."""
+        waves = self.waveforms(state, standard)
         return self.amplitudes.of_waves(waves).reshape(len(waves), -1) * self.scale
 
-    def draws(self, state: State, standard: Array, near: Draws | None = None) -> Draws:
-        """Units with what each process does to them; sought near those of the same standard draws, if given."""
+    def draws(self, state: State, standard: Array) -> Draws:
+        """Units with what each process does to them."""
         turns, errors, process = self._loaded(state.compliance), self.errors(state, standard), self.parts.process
-        parts = standard * state.deviation[process]
-        poses = near.poses if near is not None and len(near.poses) == len(standard) else [None] * len(standard)
         members = [np.flatnonzero(process == number) for number in range(len(self.parts.processes))]
 
-        def solve(number: int) -> tuple[Array, ...] | None:
+        def solve(number: int) -> tuple[Array, Array, Array, Array] | None:
             try:
-                waves, settled, value, influence, by_softening = self._solved(turns, errors[number], poses[number])
+                value, influence, by_softening = self._solved(turns, errors[number])
             except NotConvergedError:
                 return None
             by_process = np.array([standard[number, some] @ influence[some] for some in members])
-            return waves, settled, parts[number], value, influence, by_process, by_softening[:COMPLIANCES]
+            return value, influence, by_process, by_softening[:COMPLIANCES]
 
         solved = [one for one in each(solve, range(len(standard))) if one is not None]
-        waves, poses, parts, values, rows, by_process, by_compliance = map(np.array, zip(*solved, strict=True))
+        values, rows, by_process, by_compliance = (np.array(column) for column in zip(*solved, strict=True))
         squares = np.empty((len(members), rows.shape[2], rows.shape[2]))
         for square, some in zip(squares, members, strict=True):
             mine = rows[:, some].reshape(-1, rows.shape[2])
             np.divide(mine.T @ mine, len(solved), out=square)
         squares = self.amplitudes.over_turns(squares)
-        influence, marked = rows.mean(axis=0).T, self.amplitudes.marked
-        return Draws(waves, poses, parts, values, by_process, by_compliance, influence, squares, marked)
+        return Draws(values, by_process, by_compliance, rows.mean(axis=0).T, squares, self.amplitudes.marked)
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
         """One unit with what each of its part errors does to it, and each of `SOFTENING`.
@@ -242,21 +190,16 @@ class Simulator:
         NotConvergedError
             If it has no equilibrium.
         """
-        return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))[2:]
+        return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))
 
-    def _solved(
-        self, turns: Sequence[LoadedTurn], errors: Array, near: Array | None = None
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Waveforms and poses, and amplitudes as `linearised`."""
-        found, waves, poses = [], [], []
-        for number, turn in enumerate(turns):
-            state = turn.state(errors, near=None if near is None else near[number], response=True)
-            waves.append(turn.read(state, errors))
-            poses.append(state.solution.x)
-            changes = [waves[-1][None], state.influence().T, state.solution.softening.T]
-            found.append(self.amplitudes.of_waves(np.concatenate(changes)))
+    def _solved(self, turns: Sequence[LoadedTurn], errors: Array) -> tuple[Array, Array, Array]:
+        found = []
+        for turn in turns:
+            state = turn.state(errors, response=True)
+            waves = [turn.read(state, errors)[None], state.influence().T, state.solution.softening.T]
+            found.append(self.amplitudes.of_waves(np.concatenate(waves)))
         rows = np.concatenate(found, axis=1) * self.scale
-        return np.array(waves), np.array(poses), rows[0], rows[1 : -len(SOFTENING)], rows[-len(SOFTENING) :]
+        return rows[0], rows[1 : -len(SOFTENING)], rows[-len(SOFTENING) :]
 
     def errors(self, state: State, standard: Array) -> Array:
         """Errors of the parts about the drawing's means, core units, shape (units, components)."""
