@@ -60,14 +60,17 @@ def told(seed: int) -> None:
         make.draw_labels(plan),
     )
     simulator, state = question.simulator, true_state(plan, question)
-    standard = np.random.default_rng(seed).standard_normal((DRAWN, len(simulator.parts.process)))
+    rng, count = np.random.default_rng(seed), len(simulator.parts.process)
+    standard = rng.standard_normal((DRAWN, count))
+    fresh = rng.standard_normal((3 * simulator.scale.size, count))
     drawn = simulator.draws(state, standard)
-    matching = MomentMatching(simulator, sample_of(drawn.values), standard, standard, question.least, print)
-    weight = matching._weight(state, drawn)
+    matching = MomentMatching(simulator, sample_of(drawn.values), standard, standard, fresh, question.least, print)
+    weight = matching._weight(state)
     theta = 2 * np.pi * np.arange(make.SAMPLES) / make.SAMPLES
 
     def amplitudes(errors: list[Error]) -> Array:
-        return np.asarray(simulator.whitened((make.true_outputs(plan, errors, train, theta) - theta)[None])[0])
+        waves = (make.true_outputs(plan, errors, train, theta) - theta)[None]
+        return np.asarray((simulator.amplitudes.of_waves(waves).reshape(1, -1) * simulator.scale)[0])
 
     for serial, error in make.draw_spoilt(plan, train).items():
         own = make.draw_errors(plan, serial, train) + make.shifted(plan, serial, labels, train)
