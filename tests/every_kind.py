@@ -11,7 +11,6 @@ from unittest import mock
 import numpy as np
 
 import rverror
-from order_tables import made_orders
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import CompensatedOrder, CompensatedTrace, HeldError, Unseen
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
@@ -96,11 +95,11 @@ def run() -> rverror.Run:
 
 def order_table() -> rverror.runs.OrderTable:
     """Both directions, two loads, one order that one case alone holds, names that would break a page."""
-    return made_orders(
-        direction=[1, 1, -1, 1],
+    return rverror.runs.orders_from_arrays(
+        direction=["forward", "forward", "reverse", "forward"],
         torque=[20e3, 20e3, 20e3, 60e3],
         input_speed=10.0,
-        temperature=304.65,
+        temperature="31.5 degC",
         order=[39, 1, 39, 39],
         amplitude=np.array([2.0, 7.0, 1.5, 3.0]) * ARCSEC,
         phase=np.radians([10.0, -170.0, 0.0, 90.0]),

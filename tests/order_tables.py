@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -30,26 +29,6 @@ def waves_of(model: Model, direction: float, torque: float, orders: Array = ORDE
     theta = TURN * np.arange(2048) / 2048
     error = predict(model, Conditions(theta, direction, torque)).transmission_error
     return np.asarray([2 * np.mean(error * np.exp(-1j * order * theta)) for order in orders])
-
-
-def made_orders(
-    *, direction: Any, order: Any, amplitude: Any = 0.0, phase: Any = 0.0, cos: Any = None, sin: Any = 0.0,
-    sigma: Any = None, index: str = "", metadata: Mapping[str, str] | None = None, **conditions: Any,
-) -> OrderTable:  # fmt: skip
-    """A table of rows in core units; what is single holds for all of them."""
-    waves = np.asarray(amplitude) * np.exp(1j * np.asarray(phase))
-    waves = waves if cos is None else np.asarray(cos) - 1j * np.asarray(sin)
-    known = {"direction": direction, **{name: value for name, value in conditions.items() if value is not None}}
-    orders, waves, spread, *rows = np.broadcast_arrays(order, waves, 0.0 if sigma is None else sigma, *known.values())
-    cases: dict[TableCondition, list[int]] = {}
-    for number, row in enumerate(np.array(rows, dtype=np.float64).T.tolist()):
-        cases.setdefault(TableCondition(**dict(zip(known, row, strict=True))), []).append(number)
-    made = []
-    for condition, some in cases.items():
-        at = np.array(some)[np.argsort(orders[some])]
-        own = None if sigma is None else spread[at]
-        made.append(OrderCase(condition=condition, orders=orders[at].astype(float), waves=waves[at], sigma=own))
-    return OrderTable(cases=tuple(made), index=index, metadata=metadata or {})
 
 
 def table_of(

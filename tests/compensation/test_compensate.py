@@ -10,7 +10,6 @@ import pytest
 
 import rverror
 from gear_runs import OTHER, UNIT, runs_of
-from order_tables import made_orders
 from recordings import recording
 from rverror.runs.order_table import TableCondition
 
@@ -113,7 +112,9 @@ def test_runs_of_different_zeros_are_refused() -> None:
 
 
 def test_a_table_of_few_conditions_leaves_nothing_out_and_is_refused() -> None:
-    table = made_orders(direction=1, torque=1e5, order=[39], amplitude=1e-5)
+    table = rverror.runs.orders_from_arrays(
+        direction=["forward"], torque=[1e5], order=[39], amplitude=[1e-5], phase=[0.0]
+    )
     with pytest.raises(rverror.InputError, match="nothing can be left out"):
         rverror.compensate(rverror.Model(UNIT), [table])
 

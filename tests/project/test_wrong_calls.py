@@ -12,7 +12,6 @@ import pytest
 
 import rverror
 from modules import PUBLIC, named as by_name
-from order_tables import made_orders
 from remedy import REMEDY
 
 UNIT = rverror.reducer("RV-40E")
@@ -23,7 +22,7 @@ RUN = rverror.run_from_arrays(input_angle=121 * THETA, output_angle=THETA, torqu
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.tolerances.cost.Reciprocal(12.0, 0.005))]
 STACK = rverror.tolerances.stack(MODEL, CAMS, THETA)
 FRICTION = rverror.geartrain.Friction(pin=0.1)
-ORDERS = made_orders(direction=1, order=[40.0], amplitude=1e-5)
+ORDERS = rverror.runs.orders_from_arrays(direction=["forward"], order=[40.0], amplitude=[1e-5], phase=[0.0])
 FILE = "there-is-no-such-file.csv"
 
 #: A call that each function understands, but for what is not there yet.
@@ -135,7 +134,7 @@ LEFT_OUT = {
     "draw", "extended", "folded_order", "input_files",
     "find_faults", "line_style", "match",
     "load_compensation", "load_mapping", "lot", "lot_of_drives",
-    "load_orders", "load_parts", "new_figure", "passport",
+    "load_orders", "load_parts", "new_figure", "orders_from_arrays", "passport",
     "places_in_list", "preset_origins", "presets", "read_case", "run_from_arrays",
     "save_compensation", "save_parts", "save_widths",
     "to_core",

@@ -17,7 +17,7 @@ from recordings import recording
 from remedy import REMEDY
 from rverror import load_run
 from rverror.base.errors import InputError
-from rverror.runs import OrderTable, load_orders, write_orders
+from rverror.runs import OrderTable, load_orders, orders_from_arrays, write_orders
 from rverror.runs.measurement import read_run
 from rverror.runs.order_file import is_order_file, orders_text
 from rverror.runs.order_table import OrderCase, TableCondition
@@ -412,6 +412,81 @@ def test_what_an_order_file_is(tmp_path: Path, content: bytes, expected: bool) -
 @pytest.mark.parametrize("path", ["no-such-file", ".", "a\0b"])
 def test_what_cannot_be_read_is_no_order_file(path: str) -> None:
     assert not is_order_file(path)
+
+
+# --- tables in memory -------------------------------------------------------------------------------------------------
+
+
+def test_arrays_make_what_a_file_makes(tmp_path: Path) -> None:
+    made = orders_from_arrays(
+        direction=["forward", "forward", "reverse", 1, 1.0],
+        torque=np.array([200, 200, 200, 300, 200]) * 1e3,
+        input_speed="100 rpm",
+        temperature="25 degC",
+        order=[40, 1, 40, 40, 39],
+        amplitude=np.array([2, 60, 1.5, 2.5, 3]) * ARCSEC,
+        phase=np.radians([30, -0.5, 180, 45, -90]),
+        index="unknown",
+    )
+    same_waves(load(tmp_path, GOOD), made)
+    assert (made.path, made.index) == ("", "unknown")
+
+
+def test_arrays_may_be_quantities() -> None:
+    import pint
+
+    unit = pint.UnitRegistry()
+    table = orders_from_arrays(
+        direction=-1, order=[40.0], cos=[2.0] * unit.arcsec, sin=[-1.0] * unit.arcsec, sigma=[0.1] * unit.arcsec,
+        torque=[20.0] * unit("N*m"), input_speed=100.0 * unit("rpm"), temperature=unit.Quantity([25.0], "degC"),
+    )  # fmt: skip
+    (case,) = table.cases
+    np.testing.assert_allclose(case.waves, [(2 + 1j) * ARCSEC], rtol=1e-14)
+    np.testing.assert_allclose(case.sigma, [0.1 * ARCSEC], rtol=1e-14)
+    assert case.condition.torque == pytest.approx(20e3)
+    assert case.condition.temperature == pytest.approx(298.15)
+    assert case.condition.input_speed == pytest.approx(100 * math.pi / 30)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"direction": "mixed"}, "direction = 'mixed': must be 'forward' or 'reverse'"),
+        ({"direction": 0}, "direction = 0: must be 'forward' or 'reverse'"),
+        ({"direction": True}, "direction = True: must be"),
+        ({"direction": None}, "direction = None: must be"),
+        ({"direction": [1]}, r"the columns differ in length .*direction 1.* give all the same"),
+        ({"order": [40, 0]}, "row 1: order = 0: must be above 0"),
+        ({"order": [40, np.nan]}, "row 1: order is no number"),
+        ({"order": [40, 40]}, "row 1: order 40 stands in row 0 with another wave"),
+        ({"order": 40}, "order has the shape"),
+        ({"order": ["x", "y"]}, "order holds something that is no number"),
+        ({"sin": None}, "columns: cos without sin"),
+        ({"sin": [0, np.nan]}, "row 1: cos without sin"),
+        ({"cos": [np.nan] * 2, "sin": [np.nan] * 2}, "no usable rows"),
+        ({"amplitude": [1, 1]}, "amplitude beside cos and sin"),
+        ({"cos": None, "sin": None}, "no amplitude and no cos"),
+        ({"torque": "20 mm"}, "torque: 'mm' is no unit of torque"),
+        ({"torque": -1}, "all rows: output_torque = -0.001 N\\*m: must be 0 or more"),
+        ({"torque": [1, -1]}, "row 1: output_torque = -0.001 N\\*m: must be 0 or more"),
+        ({"temperature": -1.0}, "below absolute zero"),
+        ({"sigma": [1, 0]}, "row 1: sigma = 0 arcsec: must be above 0"),
+        ({"sigma": [1, np.nan]}, "row 1: no sigma, but other rows have one"),
+        ({"order": [], "cos": [], "sin": [], "direction": []}, "no usable rows; give 1 or more"),
+    ],
+)
+def test_wrong_arrays_are_refused_in_one_line(change: dict[str, Any], told: str) -> None:
+    good: dict[str, Any] = {"direction": "forward", "order": [40, 39], "cos": [1e-5, 0], "sin": [0, 1e-5]}
+    orders_from_arrays(**good)
+    with pytest.raises(InputError, match=f"^order table: .*{told}") as caught:
+        orders_from_arrays(**good | change)
+    assert "\n" not in str(caught.value)
+    assert REMEDY.search(str(caught.value)), caught.value
+
+
+def test_rows_without_a_number_are_counted_in_memory_too() -> None:
+    table = orders_from_arrays(direction=1, order=[40, 39], cos=[1e-5, np.nan], sin=[0, np.nan])
+    assert table.notes == ("1 row without a number left out (row 1)",)
 
 
 # --- what is written --------------------------------------------------------------------------------------------------

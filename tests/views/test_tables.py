@@ -17,7 +17,6 @@ import xarray as xr
 import every_kind as made
 import rverror
 from every_kind import DRIVE, ELASTIC, HOSTILE, KINDS, MODEL, THETA, TOLERANCES, diagnosis, every_kind, run
-from order_tables import made_orders
 from rverror import InputError, to_pandas, to_xarray
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import CONTACT_AXES
@@ -138,7 +137,7 @@ def test_an_order_table_has_a_row_for_each_wave() -> None:
     assert frame["sigma"].tolist() == pytest.approx([0.2, 0.1, 0.1, 0.1])
     assert frame["input_speed"].tolist() == pytest.approx([10 * 60 / (2 * np.pi)] * 4)
     assert frame.attrs["units"]["input_speed"] == "rpm"
-    bare = to_pandas(made_orders(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
+    bare = to_pandas(rverror.runs.orders_from_arrays(direction=1, order=[1], cos=[1e-5], sin=[0.0]))
     assert list(bare.columns) == ["case", "direction", "order", "amplitude", "phase", "cos", "sin"]
 
 

@@ -20,14 +20,11 @@ if TYPE_CHECKING:
     )
     from rverror.runs.order_file import (
         load_orders as load_orders,
+        orders_from_arrays as orders_from_arrays,
         write_orders as write_orders,
     )
     from rverror.runs.order_fit import order_table_from_runs as order_table_from_runs
-    from rverror.runs.order_table import (
-        OrderCase as OrderCase,
-        OrderTable as OrderTable,
-        TableCondition as TableCondition,
-    )
+    from rverror.runs.order_table import OrderTable as OrderTable
     from rverror.runs.virtual_bench import (
         coloured_noise as coloured_noise,
         simulate as simulate,

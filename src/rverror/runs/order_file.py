@@ -1,4 +1,4 @@
-"""Order tables as text: ``# kind: orders`` above a run file's kind of rows, each one wave.
+"""Order tables as text and from arrays: ``# kind: orders`` above a run file's kind of rows, each one wave.
 
 Units in brackets.  Whatever is wrong is refused in one line, or, where the rest is usable, left out and counted in
 `notes`.
@@ -9,17 +9,19 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
-from rverror.base.errors import check_kind
+from rverror.base.errors import InputError, check_kind
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, split_lines, write_text
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.bench.order_rows import KIND, read_order_rows
+from rverror.runs.bench.order_rows import KIND, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import (
     HEADER_LINE,
@@ -31,6 +33,7 @@ from rverror.runs.reading import (
     check_lengths,
     header_lines,
     refuse,
+    row_of,
 )
 
 #: Attribute of a condition that has the number of a column.
@@ -248,6 +251,96 @@ def _note_left_out(rows: OrderRows, left: Flags, notes: list[str]) -> None:
         notes.append(f"{count_of(count, 'row')} without a number left out {rows.listed(left)}")
 
 
+# --- tables in memory -------------------------------------------------------------------------------------------------
+
+
+def orders_from_arrays(
+    *,
+    direction: Any,
+    order: Any,
+    amplitude: Any | None = None,
+    phase: Any | None = None,
+    cos: Any | None = None,
+    sin: Any | None = None,
+    sigma: Any | None = None,
+    torque: Any | None = None,
+    input_speed: Any | None = None,
+    temperature: Any | None = None,
+    index: str = "",
+    metadata: Mapping[str, str] | None = None,
+) -> OrderTable:
+    """Make an order table in memory, with the checks of a file.
+
+    Parameters
+    ----------
+    direction : {"forward", "reverse"} or +1 or -1, or sequence of them, shape (n,)
+        One for all rows, or one for each.
+    order : array_like, shape (n,)
+        Waves per output turn.
+    amplitude, phase : array_like or quantity, shape (n,), optional
+        The error is the sum of amplitude cos(order theta + phase); plain numbers are rad.
+    cos, sin : array_like or quantity, shape (n,), optional
+        Sizes of cos(order theta) and sin(order theta), in place of amplitude and phase.
+    sigma : array_like or quantity, shape (n,), optional
+        Standard deviation of either size.
+    torque, input_speed, temperature : float, str or quantity, or array_like of shape (n,), optional
+        One for all rows, or one for each; plain numbers are N*mm, rad/s and K.
+    index : str, optional
+        Label of the zero, as a run has it.
+    metadata : mapping of str to str, optional
+
+    Returns
+    -------
+    OrderTable
+
+    Raises
+    ------
+    InputError
+        If the values cannot be used.
+
+    Examples
+    --------
+    >>> table = orders_from_arrays(direction="forward", torque="20 N*m", order=[40, 39], cos=[2e-5, 1e-5], sin=[0, 0])
+    >>> table.cases[0].orders, table.cases[0].condition.torque
+    (array([39., 40.]), 20000.0)
+    """
+    conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
+    waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
+    row = partial(row_of, path=OrderRows.made_in)
+    columns = {name: row(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
+    check_order_columns(OrderRows.made_in, "columns", columns)
+    stated = {}
+    for name, value in conditions.items():
+        if value is None:
+            continue
+        if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
+            try:
+                stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
+            except ValueError as error:
+                refuse(OrderRows.made_in, f"{_ATTRIBUTES[name]}: {error}")
+        else:
+            columns[name] = row(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
+    single = isinstance(direction, str) or np.ndim(direction) == 0
+    count = columns["order"].size
+    try:
+        signs = direction_signs([direction] * count if single else list(direction)).tolist()
+    except InputError as error:
+        refuse(OrderRows.made_in, str(error))
+    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
+    check_lengths(OrderRows.made_in, sizes, "give all the same number of rows")
+    rows = OrderRows(
+        path="",
+        labels=tuple(range(count)),
+        noun="row",
+        directions=tuple(signs),
+        columns=columns,
+        stated=stated,
+        index=index,
+        metadata=dict(metadata or {}),
+    )
+    return _table(rows)
+
+
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
@@ -290,9 +383,7 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
 
     Examples
     --------
-    >>> condition = TableCondition(direction=-1.0, torque=20e3)
-    >>> case = OrderCase(condition=condition, orders=np.array([40.0]), waves=np.array([1e-5j]))
-    >>> table = OrderTable(cases=(case,))
+    >>> table = orders_from_arrays(direction="reverse", torque="20 N*m", order=[40.0], cos=[0.0], sin=[-1e-5])
     >>> print(orders_text(table), end="")
     # kind: orders
     direction,output_torque[N*m],order,amplitude[arcsec],phase[deg]

@@ -24,7 +24,8 @@ _COLUMNS = {
     "output_torque": ("torque", "N*m"),
     "torque": ("torque", "N*m"),
 }
-COLUMNS, EXAMPLES = ({name: both[which] for name, both in _COLUMNS.items()} for which in (0, 1))
+COLUMNS = {name: dimension for name, (dimension, _) in _COLUMNS.items()}
+EXAMPLES = {name: unit for name, (_, unit) in _COLUMNS.items()}
 #: Columns of a bench that are integrated over time, and the columns that they make.
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 #: Dimension and unit of every column of a bench that a mapping may name.
@@ -42,7 +43,8 @@ _ORDER_COLUMNS = {
     "sin": ("angle", "arcsec"),
     "sigma": ("angle", "arcsec"),
 }
-ORDER_COLUMNS, ORDER_EXAMPLES = ({name: both[which] for name, both in _ORDER_COLUMNS.items()} for which in (0, 1))
+ORDER_COLUMNS = {name: dimension for name, (dimension, _) in _ORDER_COLUMNS.items()}
+ORDER_EXAMPLES = {name: unit for name, (_, unit) in _ORDER_COLUMNS.items()}
 #: Dimension of each condition of an order table that is a number.
 ORDER_CONDITIONS = {name: ORDER_COLUMNS[name] for name in ("input_speed", "temperature", "output_torque")}
 #: Keys of the header that have a meaning.
@@ -262,7 +264,7 @@ def checked_value(path: str, what: str, number: float, dimension: str) -> float:
     return abs(number) if dimension == "torque" else number
 
 
-def row_of(name: str, value: Any, dimension: str) -> Array:
+def row_of(name: str, value: Any, dimension: str, *, path: str = "") -> Array:
     """One column given in memory, core units; values that are not finite stay for the check of the rows.
 
     Parameters
@@ -270,6 +272,9 @@ def row_of(name: str, value: Any, dimension: str) -> Array:
     name : str
     value : array_like or quantity, shape (n,)
     dimension : str
+        Empty for plain numbers.
+    path : str
+        What messages call the whole; empty for a run.
 
     Raises
     ------
@@ -277,17 +282,17 @@ def row_of(name: str, value: Any, dimension: str) -> Array:
         If it is no row of numbers, or its unit is of another dimension.
     """
     factor, zero = 1.0, 0.0
-    if units.is_quantity(value):
+    if dimension and units.is_quantity(value):
         try:
             factor, zero = units.unit_scale(str(value.units), dimension)
         except ValueError as error:
-            refuse("", f"{name}: {error}")
+            refuse(path, f"{name}: {error}")
     try:
         array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
     except (TypeError, ValueError):
-        refuse("", f"{name} holds something that is no number; give an array of numbers or a quantity")
+        refuse(path, f"{name} holds something that is no number; give an array of numbers or a quantity")
     if array.ndim != 1:
-        refuse("", f"{name} has the shape {array.shape}; give one row of samples")
+        refuse(path, f"{name} has the shape {array.shape}; give one row of numbers")
     with np.errstate(over="ignore"):  # what overflows is left out later, and counted
         return np.asarray(array * factor + zero, dtype=np.float64)
 

@@ -129,7 +129,14 @@ def simulate_runs(
     directions: Sequence[Direction] = ("forward", "reverse"),
     torques: Sequence[Any] = (),
     points: int | None = None,
-    **settings: Any,
+    revolutions: int = 1,
+    method: str = "closed",
+    noise: Any | None = None,
+    correlation: Any | None = None,
+    input_counts: int | None = None,
+    output_counts: int | None = None,
+    seed: int | None = None,
+    output_speed: Any | None = None,
 ) -> tuple[Run, ...]:
     """Compute the runs of one session on the bench: every torque in every direction.
 
@@ -139,11 +146,8 @@ def simulate_runs(
     directions : sequence of {"forward", "reverse"} or +1 or -1
     torques : sequence of float, quantity or callable
         As `simulate` takes one; empty for runs without a torque.
-    points : int, optional
+    points, revolutions, method, noise, correlation, input_counts, output_counts, seed, output_speed : optional
         As in `simulate`.
-    **settings
-        The others of `simulate`: revolutions, method, noise, correlation, input_counts, output_counts, seed,
-        output_speed.
 
     Returns
     -------
@@ -168,14 +172,23 @@ def simulate_runs(
     unit = model.mechanism
     if points is None:
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
-    given = {name: value for name, value in settings.items() if value is not None}
+    if correlation is not None and noise is None:
+        raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
     try:
-        bench = _Bench(points=points, **given)
+        bench = _Bench(
+            points=points,
+            revolutions=revolutions,
+            method=method,
+            noise=0.0 if noise is None else noise,
+            correlation=0.0 if correlation is None else correlation,
+            input_counts=input_counts,
+            output_counts=output_counts,
+            seed=DEFAULT_SEED if seed is None else seed,
+            output_speed=output_speed,
+        )
         sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
     except ValueError as problem:
         raise InputError(str(problem)) from problem
-    if "correlation" in given and "noise" not in given:
-        raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
     samples = points * bench.revolutions
     if samples > _LARGEST:
         raise InputError(f"points * revolutions = {samples}: must be {_LARGEST} or fewer; ask for fewer")

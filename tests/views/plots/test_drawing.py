@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 from diagnosed_example import COS, SIN, outcome
 from drawn import alike_in_grey, cut_off, line, overlapping_texts, stems, units_missing
 from every_kind import compensation, drive_lot, every_kind, lot, matched, runs_compared, trend
-from order_tables import made_orders
 from pages import DOCS
 from rverror import (
     Diagnosis,
@@ -48,6 +47,7 @@ from rverror.diagnosis.result import Trace
 from rverror.dynamics import modes, run_up, speed_response
 from rverror.geartrain import Friction
 from rverror.model import Bench
+from rverror.runs import orders_from_arrays
 from rverror.statics import WearCoefficients, hysteresis, torsion_curve, wear
 from rverror.tolerances.cost import Reciprocal
 from rverror.views.plots.diagnosed import order_spectrum, waveform
@@ -344,7 +344,7 @@ RUN = run_from_arrays(
     te=1e-5 * np.cos(40 * np.concatenate([THETA, THETA, -THETA])) + 1e-7 * np.sin(np.arange(768) ** 2),
     torque="20 N*m",
 )
-ORDERS = made_orders(
+ORDERS = orders_from_arrays(
     direction=[1, -1] * 30,
     torque=np.repeat([20e3, 50e3, 90e3], 20),
     temperature=np.repeat([293.15, 293.15, 300.15], 20),
@@ -399,7 +399,7 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "run": RUN,
         "torque run": TORQUES,
         "order table": ORDERS,
-        "bare order table": made_orders(
+        "bare order table": orders_from_arrays(
             direction=[1, -1, -1], order=[39, 39, 1], cos=[1e-5, 1e-6, 3e-6], sin=[0, 0, 1e-5]
         ),
         "compensation": compensation(),

@@ -9,11 +9,10 @@ import pytest
 from matplotlib.axes import Axes
 
 from drawn import alike_in_grey, legend, overlapping_texts, units_missing
-from order_tables import made_orders
 from recordings import recording
 from rverror import InputError
 from rverror.base.units import ARCSEC
-from rverror.runs import OrderTable, load_orders
+from rverror.runs import OrderTable, load_orders, orders_from_arrays
 
 
 def table(**changes: Any) -> OrderTable:
@@ -21,7 +20,7 @@ def table(**changes: Any) -> OrderTable:
     torque = np.repeat([300e3, 100e3, 200e3], 4)
     size = np.array([3, 6, 1.5, 5, 1, 4, 0.5, 5, 2, 5, 1, 5]) * ARCSEC
     rows = {"direction": [1, 1, -1, -1] * 3, "order": [40, 1] * 6, "amplitude": size, "phase": np.zeros(12)}
-    return made_orders(**{"torque": torque, **rows} | changes)
+    return orders_from_arrays(**{"torque": torque, **rows} | changes)
 
 
 def lines(ax: Axes) -> list[tuple[list[float], list[float], str, bool, float]]:
@@ -67,7 +66,7 @@ def test_by_chooses_and_cases_that_differ_otherwise_have_their_own_lines() -> No
 
 
 def test_without_any_condition_the_orders_are_the_abscissa() -> None:
-    made = made_orders(direction=[1, 1, -1], order=[1, 40, 40], cos=[3e-5, 1e-5, 2e-5], sin=[0.0, 0.0, 0.0])
+    made = orders_from_arrays(direction=[1, 1, -1], order=[1, 40, 40], cos=[3e-5, 1e-5, 2e-5], sin=[0.0, 0.0, 0.0])
     ax = made.plot()
     assert ax.get_xlabel() == "order, per output turn"
     assert legend(ax) == ["forward", "reverse"]
@@ -75,7 +74,7 @@ def test_without_any_condition_the_orders_are_the_abscissa() -> None:
 
 
 def test_what_is_not_drawn_is_said() -> None:
-    many = made_orders(
+    many = orders_from_arrays(
         direction=1, torque=np.repeat([1e3, 2e3], 12), order=list(range(1, 13)) * 2, cos=np.arange(1, 25) * 1e-6,
         sin=np.zeros(24),
     )  # fmt: skip
