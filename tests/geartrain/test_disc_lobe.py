@@ -72,14 +72,19 @@ def test_the_crest_is_where_the_disc_is_widest(name: str, discs: int, disc: int,
     assert on_it.sum(axis=0).mean() == pytest.approx(unit.pins / unit.disc_lobes, rel=0.01)
 
 
-def test_all_lobes_together_are_a_wave_of_the_profile() -> None:
-    """cos^2 over every pitch: half of it uniform, half a wave of as many periods as lobes, roots at the eccentric."""
-    unit = rverror.reducer("RV-40E")
+@pytest.mark.parametrize(("discs", "disc"), [(2, 0), (2, 1), (3, 1), (3, 2)])
+def test_all_lobes_together_are_a_wave_of_the_profile(discs: int, disc: int) -> None:
+    """cos^2 over every pitch: half of it uniform, half a wave of as many periods as lobes, with its roots there.
+
+    A root is where the pin on +x would sit if the eccentric pointed at it, and the disc rolls off by a lobe a turn.
+    """
+    unit = rverror.reducer("RV-40E", discs=discs)
     motion = contacts(unit, np.linspace(0.1, 2.0, 11))
-    lobes = sum(cycloid.disc_lobe(motion, disc=0, lobe=lobe).vector[0] for lobe in range(unit.disc_lobes))
-    uniform = cycloid.disc_profile(motion, disc=0, harmonic=0).vector[0]
-    wave = cycloid.disc_profile(motion, disc=0, harmonic=unit.disc_lobes).vector[0]
-    np.testing.assert_allclose(lobes, (uniform - wave) / 2, rtol=0, atol=1e-12)
+    lobes = sum(cycloid.disc_lobe(motion, disc=disc, lobe=lobe).vector[0] for lobe in range(unit.disc_lobes))
+    uniform = cycloid.disc_profile(motion, disc=disc, harmonic=0).vector[0]
+    cos, sin = cycloid.disc_profile(motion, disc=disc, harmonic=unit.disc_lobes).vector
+    root = -2 * np.pi * disc / discs
+    np.testing.assert_allclose(lobes, (uniform - np.cos(root) * cos - np.sin(root) * sin) / 2, rtol=0, atol=1e-12)
 
 
 def test_a_raised_lobe_is_found_where_waves_of_the_profile_leave_lines() -> None:

@@ -1,7 +1,4 @@
-"""Yield at the load: virtual units drawn afresh, solved by the equilibrium, and the share that each limit lets pass.
-
-And virtual units in closed form, contacts closed.
-"""
+"""Yield: virtual units drawn afresh, at the load or in closed form, and the share of them that each limit lets pass."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.mechanism import LAW_SPREAD, ContactLaw, Stiffness
 from rverror.model.catalogue import source
+from rverror.model.effects import Effect
 from rverror.statics.loaded_state import SOFTENING
 
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
@@ -62,6 +64,37 @@ def state() -> Fit:
         [[1e-3, 1e-6, 1e-6], 1e-3 * np.ones(4), [0.1, -0.1, 0.05, 0.1, 0.1, 0.1, 2e-3, 0.02, 0.03, 0.0]]
     )
     return evaluated(run_set, moved(start, np.append(step, 0.0)), declared)
+
+
+@pytest.mark.parametrize(
+    ("key", "indices", "size"),
+    [
+        ("cycloid.disc_lobe", {"disc": 1, "lobe": 3}, 2e-5),
+        ("crank.eccentricity", {"crank": 1, "disc": 0}, 2e-5),
+        ("involute.sun_pitch", {"harmonic": 2}, 2e-5),
+        ("sensor.encoder_ellipticity", {}, 1e-6),
+        ("sensor.input_coupling", {"harmonic": 1}, 1e-6),
+    ],
+)
+def test_what_a_candidate_does_is_the_difference_that_its_size_makes(
+    state: Fit, key: str, indices: dict[str, Any], size: float
+) -> None:
+    """Beside those of the model, felt by the contacts or read at the output."""
+    others = [("cycloid.pin_position", {"pin": 2}), (key, indices), ("sensor.ratio_error", {})]
+    told = state.run_set.influences(state.model, state.waves, others)
+    first = len(source(others[0][0]).parameters)
+    for at in range(len(source(key).parameters)):
+        values = size * np.eye(len(source(key).parameters))[at]
+        one, other = (
+            evaluated(
+                state.run_set, state.model.with_effects(Effect(key, indices, tuple(way * values))), state.declared
+            )
+            for way in (1, -1)
+        )
+        for number, rows in enumerate(told):
+            change = (other.residual[number] - one.residual[number]) / (2 * size)
+            own = rows[first + at] - rows[first + at].mean()
+            assert np.linalg.norm(change - change.mean() - own) < 1e-3 * np.linalg.norm(own)
 
 
 def nudged(state: Fit, at: int, by: float) -> Fit:
