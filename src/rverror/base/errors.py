@@ -11,7 +11,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 #: Version in which former names and forms that still work come to their end.
-FORMER_UNTIL = "0.2.0"
+FORMER_UNTIL = "2.0.0"
 
 
 class InputError(ValueError):
