@@ -579,7 +579,9 @@ SOURCES = (
     Source(
         PIN_POSITION, pin_position, (PIN,), lengths(50, "radial", "tangential"),
         "housing", _one_pin_orders, "001; 002, e_R and e_AR; 004", "displacement of one pin",
-        starts=((-0.2, 0.0), (-0.2, 0.25), (-0.2, -0.25)),
+        # inward, and 51 and 120 deg to either side: discs touch a pin up to asin K_1, some 50 deg, beside its radius,
+        # so what points up to 140 deg from inward closes gaps there
+        starts=((-0.2, 0.0), (-0.2, 0.25), (-0.2, -0.25), (0.2, 0.35), (0.2, -0.35)),
         equation=r"$\delta = e_r\, p_i + e_t\, p_i^\perp$",
     ),
     Source(

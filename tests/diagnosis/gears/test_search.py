@@ -165,7 +165,7 @@ def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     assert not done
     assert best.names == {named(HEAD)}
     assert len(search.expanded) == len(set(search.expanded))
-    assert {kind for _, kind in search.expanded} > {"_singly", "begun_anywhere"}  # the latter is the last kind
+    assert {kind for _, kind in search.expanded} > {"_singly", "begun", "_lined"}
     begun, other = (
         {names for names, kind in search.expanded if (kind == "_begun_beside") == is_it} for is_it in (1, 0)
     )
@@ -421,9 +421,7 @@ def test_a_clearance_is_found_though_a_linear_step_makes_less_than_nothing_of_it
     search = search_of(fitted(renoised(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
     offers = linear_offers(search, evaluated(first.run_set, stated, stated))
     assert all(offer.names[0][0] != PLAY.key for offer in offers)
-    found = complete_ones(
-        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun_at_pins(search.root)])
-    )
+    found = complete_ones(search, raced(search, [*search.moves.singly(search.root), *search.moves.begun(search.root)]))
     assert [e.key for e in found[0].fit.added] == [PLAY.key]
     assert found[0].fit.added[0].values[0] == pytest.approx(7e-3, abs=3e-4)
 
@@ -436,10 +434,22 @@ def test_a_wave_of_the_pins_is_found_from_its_starts() -> None:
         search, raced(search, [t for t in search.moves.singly(search.root) if t.added[0].key != WAVE.key])
     )
     (found,) = complete_ones(
-        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun_at_pins(search.root)])
+        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun(search.root)])
     )[:1]
     assert found.names == {named(WAVE)}
     assert sizes(found, WAVE) == pytest.approx(WAVE.values, abs=5e-4)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_pin_out_of_the_circle_and_to_one_side_leads_by_its_starts(side: int) -> None:
+    """Discs touch it where it lies beside its radius; a linear step from nothing ranks it behind another cause."""
+    pin = rverror.effect("cycloid.pin_position", pin=12, radial="9 um", tangential=f"{17 * side} um")
+    fit = settled(Model(OTHER, (pin,)), pin, conditions=LIGHT)
+    search = search_of(fit, ["cycloid.pin_position", "cycloid.pin_radius"])
+    (leading,) = next(search.moves.begun(search.root)).added
+    assert (leading.key, leading.indices["pin"] % 8) == (pin.key, 4)  # the other disc meets pin 4 as one meets pin 12
+    (linear,) = next(search.moves.singly(search.root)).added
+    assert linear.indices["pin"] % 8 != 4
 
 
 def test_a_source_of_one_place_is_solved_beside_a_set_at_each_of_its_starts_whatever_a_linear_step_says() -> None:
@@ -524,7 +534,7 @@ def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_
         with rverror.model.extended(written(starts)):
             true = Effect(keys[0], {}, (-6e-3, 5e-3))
             fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
-            search = search_of(fit, keys, budget=1000)
+            search = search_of(fit, keys, budget=500)  # with starts 64 are enough
             assert search.complete(search.score.of(fit))
             (linear,) = [o for o in linear_offers(search, search.root.whole.fit) if o.names[0][0] == true.key]
             assert search.root.fit.objective - linear.objective < 10
@@ -687,6 +697,21 @@ def test_a_profile_is_among_the_rivals_of_pins_that_stand_for_it() -> None:
     assert one.names not in [rival.names for rival in found]
     assert found[0].names == {named(PROFILE)}
     assert sizes(found[0], PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
+
+
+def test_two_causes_that_share_the_sizes_of_one_give_way_to_it() -> None:
+    """A wave of the pins of no harmonic opens gaps as a profile's shift does, which alone falls to a local minimum."""
+    cam = replace(CAM, uncertainty=3e-4)
+    fit = settled(Model(OTHER, (cam, PROFILE)), PROFILE, declared=Model(UNIT, (cam,)), conditions=LIGHT)
+    search = search_of(fit, ["cycloid.pin_circle", PROFILE.key])
+    shift = Effect("cycloid.pin_circle", {"harmonic": 0}, (-3e-3, 0.0, 0.0, 0.0))
+    both = search.score.of(beside(fit, shift, replace(PROFILE, values=(8e-3, -3e-3))))
+    assert both.fit.data < both.fit.bound
+    assert all(search.score.better(both, part) for part in search.parts(both))
+    trials = [trial for trial in search.moves.swapped(both) if len(trial.added) == 1]
+    best = raced(search, trials)[0]
+    assert best.names == {named(PROFILE)}
+    assert sizes(best, PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
 
 
 def test_a_complete_set_gives_way_to_a_better_one_with_another_cause_in_one_s_place() -> None:

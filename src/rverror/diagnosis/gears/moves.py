@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from operator import add
 from typing import TypeVar
 
 import numpy as np
@@ -23,7 +24,6 @@ from rverror.diagnosis.gears.trial import Trial
 from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 _OFFERED = 30  # trials of each kind that a set offers
 _STARTS = 512  # angles a turn on which starts are solved
-_FEW_PLACES = 12  # of a source, whose starts are offered first: harmonics of two discs, not single pins or lobes
+_FEW_PLACES = 12  # of a source whose starts are solved at once: harmonics of two discs, not single pins or lobes
 _NEARLY = 2.0  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
 _MOST_MOVES = 60  # sets of equivalent places: three causes, each in three others, are 63
 
@@ -130,6 +130,14 @@ def marked(model: Model, offset: float) -> Model:
     return replace(model, effects=effects)
 
 
+def _enlarged(model: Model, by: Effect) -> Model:
+    """The model with one of its effects larger by sizes of its own kind."""
+    effects = [
+        replace(e, values=tuple(map(add, e.values, by.values))) if named(e) == named(by) else e for e in model.effects
+    ]
+    return replace(model, effects=tuple(effects))
+
+
 class Moves:
     """What sets of causes offer: trials of sets that differ from them.
 
@@ -183,7 +191,7 @@ class Moves:
             coarse, blocks = self.influences(one)
             yield from self._offered(one, coarse.model, singles(coarse, blocks, cost))
         yield from self._offered(one, plain.model, singles(plain, linear, cost, hold=True))
-        yield from self._begun(one, self.starting(_is_quick, most=_FEW_PLACES))
+        yield from self._begun(one, self.starting(with_crank=True))
         if not one.fit.added:
             yield from self._at_other_marks(one, plain, self.blocks)
 
@@ -191,7 +199,7 @@ class Moves:
         """Two causes more at once."""
         if self._room(one) > 1:
             plain, linear = self._plain(one)
-            both = linear + self._starts(plain, self.starting(_is_quick, most=_FEW_PLACES))
+            both = linear + self._starts(plain, self.starting(with_crank=True))
             yield from self._offered(one, plain.model, pairs(plain, both, self.score.cost, most=_OFFERED))
 
     def beside(self, one: Hypothesis) -> Iterator[Trial]:
@@ -201,13 +209,8 @@ class Moves:
             fit = one.few
             yield from (Trial(fit.model.with_effects(e), one.score, one.slim) for e in self._begun_alone(fit))
 
-    def begun_at_pins(self, one: Hypothesis) -> Iterator[Trial]:
-        """One cause more, or two, from the starts of the other sources of few places."""
-        names = self.starting(_is_slow, most=_FEW_PLACES)
-        yield from self._begun(one, names, in_pairs=True)
-
-    def begun_anywhere(self, one: Hypothesis) -> Iterator[Trial]:
-        """One cause more, or two, from all starts; each of many places is improbable, so these come last."""
+    def begun(self, one: Hypothesis) -> Iterator[Trial]:
+        """One cause more, or two, from all starts."""
         yield from self._begun(one, self.starting(), in_pairs=True)
 
     def _begun(self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False) -> Iterator[Trial]:
@@ -274,7 +277,7 @@ class Moves:
         declared, and from where they are."""
         if self._room(one):
             (fit, blocks), (plain, linear), cost = self.influences(one), self._plain(one), self.score.cost
-            starts = self._starts(plain, self.starting(_is_quick, most=_FEW_PLACES))
+            starts = self._starts(plain, self.starting(with_crank=True))
             for state, some in ((fit, blocks), (plain, linear), (plain, starts)):
                 offers = [offer for offer in singles(state, some, cost) if offer.score < offer.without]
                 yield from self._offered(one, state.model, offers)
@@ -292,8 +295,11 @@ class Moves:
             others = [e for e in equivalents(effect, unit) if named(e) in able]
             for other in (*gaps.twins(effect, free), *gaps.near(effect, free), *others):
                 yield Trial(rest.model.with_effects(other), one.score, one.slim)
-            which = _is_quick if _is_quick(unit, source(effect.key), effect.indices) else _is_slow
-            begun = self._starts(fit, self.starting(which, most=_FEW_PLACES))
+            # another cause of the set may be all of it, with the sizes of both
+            for other in gaps.near(effect, [(e.key, e.indices) for e in rest.added]):
+                yield Trial(_enlarged(rest.model, other), one.score, one.slim)
+            with_crank = source(effect.key).repeats_with_crank(unit, effect.indices)
+            begun = self._starts(fit, self.starting(with_crank=with_crank))
             for hold, some in ((False, blocks), (True, blocks), (False, begun)):
                 offers = singles(rest, [*some, *own], cost, hold=hold)
                 # what the cause itself promises by the same step, or has where that leads to sizes which cannot be
@@ -393,15 +399,15 @@ class Moves:
             self._leading = singles(*self._plain(self.root), self.score.cost)
         return self._leading
 
-    def starting(
-        self, which: Callable[[Mechanism, Source, Indices], bool] = lambda *_: True, *, most: int = 10**6
-    ) -> tuple[Named, ...]:
-        """Candidates with starts, such as are wanted, of sources with so many places at most."""
+    def starting(self, *, with_crank: bool | None = None) -> tuple[Named, ...]:
+        """Candidates with starts: all, or of sources with few places those that repeat with the crank, or do not."""
         unit, places = self.root.fit.run_set.unit, self.score.places
+        some = [(source(key), key, indices) for key, indices in self.candidates if source(key).starts]
         return tuple(
             (key, indices)
-            for key, indices in self.candidates
-            if (entry := source(key)).starts and places[key] <= most and which(unit, entry, indices)
+            for entry, key, indices in some
+            if with_crank is None
+            or (places[key] <= _FEW_PLACES and entry.repeats_with_crank(unit, indices) == with_crank)
         )
 
     def _begun_alone(self, fit: Fit) -> list[Effect]:
@@ -447,13 +453,3 @@ class Moves:
         sight, which = run_set.sights[number], run_set.which[number]
         rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
         return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
-
-
-def _is_slow(unit: Mechanism, entry: Source, indices: Indices) -> bool:
-    """Tell whether what a source makes is solved over a whole turn."""
-    return not _is_quick(unit, entry, indices)
-
-
-def _is_quick(unit: Mechanism, entry: Source, indices: Indices) -> bool:
-    """Tell whether what a source makes is solved over a turn of the crank alone."""
-    return entry.repeats_with_crank(unit, indices)

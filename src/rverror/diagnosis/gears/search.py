@@ -310,7 +310,9 @@ class Search:
         where all were made."""
         found = False
         for size in range(self.policy.most_effects + 1):
-            alike = sorted((one for one in self.known.values() if len(one.fit.added) == size), key=outlook)
+            # a set with a higher score than the root leads nowhere: what it leads to is found from the root
+            gains = [one for one in self.known.values() if one.score <= self.root.score]
+            alike = sorted((one for one in gains if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
             for one in alike[: _AS_GOOD * self._width] if self._rounds else ():
@@ -323,7 +325,7 @@ class Search:
         misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
         if full:
             return [*misplaced, self._lined]
-        return [*misplaced, self._singly, self._doubly, moves.begun_at_pins, self._lined, moves.begun_anywhere]
+        return [*misplaced, self._singly, moves.doubly, moves.begun, self._lined]
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
@@ -340,14 +342,10 @@ class Search:
         yield from self.race(list(self.moves.moved(one)))
 
     def _singly(self, one: Hypothesis) -> Iterator[Trial]:
-        """One cause more; and drift and settling, which no part of the gears looks like."""
+        """One cause more; drift and settling, which look like no part of the gears; a line, if nothing is left then."""
         self.keep(self.settling(one))
-        yield from self.moves.singly(one)
-
-    def _doubly(self, one: Hypothesis) -> Iterator[Trial]:
-        """Two causes more; and a line, if nothing is left then."""
         self.keep(found for found in self.lined(one) if self.complete(found))
-        yield from self.moves.doubly(one)
+        yield from self.moves.singly(one)
 
     def _begun_beside(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place at all its starts, solved beside a set.
