@@ -33,7 +33,7 @@ from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
 from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
-    COLUMNS,
+    DIMENSIONS,
     HEADER_KEYS,
     HEADER_LINE,
     STATED,
@@ -366,7 +366,7 @@ def run_from_arrays(
     column = torque if np.ndim(size) else None
     given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time, "output_torque": column}
     given["torque"] = torque_record
-    columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
+    columns = {name: row_of(name, value, DIMENSIONS[name]) for name, value in given.items() if value is not None}
     sizes = {name: values.size for name, values in columns.items()}
     check_lengths("", sizes, "give all the same number of samples")
     stated = STATED.get(direction) if isinstance(direction, str) else float(direction)

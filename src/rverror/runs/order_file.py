@@ -6,7 +6,6 @@ Units in brackets.  Whatever is wrong is refused in one line, or, where the rest
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -24,11 +23,11 @@ from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_rows import KIND, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import (
+    DIMENSIONS,
     HEADER_LINE,
-    ORDER_COLUMNS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
     ORDER_KEYS,
+    UNITS,
     OrderRows,
     check_lengths,
     header_lines,
@@ -37,7 +36,7 @@ from rverror.runs.reading import (
 )
 
 #: Attribute of a condition that has the number of a column.
-_ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
+_ATTRIBUTES = {name: name for name in ("direction", *ORDER_CONDITIONS)} | {"output_torque": "torque"}
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
 
@@ -148,7 +147,7 @@ def _table(rows: OrderRows) -> OrderTable:
     _check_bounds(rows, columns)
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
-    conditions = [name for name in ORDER_CONDITIONS if name in columns]
+    conditions = [name for name in _ATTRIBUTES if name in columns]
     usable = np.isfinite(waves)
     for name in conditions:
         usable &= np.isfinite(columns[name])
@@ -158,7 +157,7 @@ def _table(rows: OrderRows) -> OrderTable:
     for row in np.flatnonzero(usable).tolist():
         order = float(columns["order"][row])
         known = {_ATTRIBUTES[name]: float(columns[name][row]) for name in conditions}
-        case = cases.setdefault(TableCondition(direction=rows.directions[row], **known), {})
+        case = cases.setdefault(TableCondition(**known), {})
         first = case.setdefault(order, row)
         if first == row:
             continue
@@ -193,9 +192,7 @@ def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
             at = rows.stated[name][1] if name in rows.stated else rows.at(row)
-            dimension = ORDER_COLUMNS[name]
-            printed = with_unit(values[row], dimension) if dimension else f"{values[row]:g}"
-            rows.refuse(f"{at}: {name} = {printed}: {remedy}")
+            rows.refuse(f"{at}: {name} = {_printed(name, values[row])}: {remedy}")
 
 
 def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
@@ -206,8 +203,15 @@ def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
         other = np.abs(columns[name] - value) > _SAME * max(abs(value), 1.0)  # false for NaN
         if other.any():
             row = int(np.argmax(other))
-            found, said = (with_unit(number, ORDER_CONDITIONS[name]) for number in (columns[name][row], value))
+            found, said = _printed(name, columns[name][row]), _printed(name, value)
             rows.refuse(f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
+
+
+def _printed(name: str, value: float) -> str:
+    """Value of a column for people."""
+    if name == "direction":
+        return way(value)
+    return with_unit(value, DIMENSIONS[name]) if DIMENSIONS[name] else f"{value:g}"
 
 
 def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
@@ -307,7 +311,7 @@ def orders_from_arrays(
     conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row = partial(row_of, path=OrderRows.made_in)
-    columns = {name: row(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
+    columns = {name: row(name, value, DIMENSIONS[name]) for name, value in waves.items() if value is not None}
     check_order_columns(OrderRows.made_in, "columns", columns)
     stated = {}
     for name, value in conditions.items():
@@ -315,30 +319,27 @@ def orders_from_arrays(
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
             try:
-                stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
+                stated[name] = (units.to_core(value, DIMENSIONS[name]), "all rows")
             except ValueError as error:
                 refuse(OrderRows.made_in, f"{_ATTRIBUTES[name]}: {error}")
         else:
-            columns[name] = row(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
-    single = isinstance(direction, str) or np.ndim(direction) == 0
-    count = columns["order"].size
+            columns[name] = row(_ATTRIBUTES[name], value, DIMENSIONS[name])
     try:
-        signs = direction_signs([direction] * count if single else list(direction)).tolist()
+        signs = direction_signs(direction)
     except InputError as error:
         refuse(OrderRows.made_in, str(error))
-    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
+    if signs.ndim:
+        columns["direction"] = signs
+    else:
+        stated["direction"] = (float(signs), "all rows")
+    sizes = {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
     check_lengths(OrderRows.made_in, sizes, "give all the same number of rows")
-    rows = OrderRows(
-        path="",
-        labels=tuple(range(count)),
-        noun="row",
-        directions=tuple(signs),
-        columns=columns,
-        stated=stated,
-        index=index,
-        metadata=dict(metadata or {}),
-    )
-    return _table(rows)
+    return _table(_rows(columns, stated=stated, index=index, metadata=dict(metadata or {})))
+
+
+def _rows(columns: Mapping[str, Array], **told: Any) -> OrderRows:
+    """Rows in memory."""
+    return OrderRows(labels=np.arange(columns["order"].size), noun="row", columns=columns, **told)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -394,54 +395,40 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     path = path or OrderRows.made_in
     head = [*header_lines(path, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
-    cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
+    cells = {"direction": list(map(way, columns.pop("direction")))}
     for name, numbers in columns.items():
-        unit = ORDER_EXAMPLES[name]
-        factor, zero = units.unit_scale(unit, ORDER_COLUMNS[name]) if unit else (1.0, 0.0)
+        unit = UNITS[name]
+        factor, zero = units.unit_scale(unit, DIMENSIONS[name]) if unit else (1.0, 0.0)
         digits = 14 if zero else 15
         cells[f"{name}[{unit}]" if unit else name] = [f"{(number - zero) / factor:.{digits}g}" for number in numbers]
-    body = io.StringIO()
-    for row in zip(*cells.values(), strict=True):
-        body.write(",".join(row) + "\n")
-    return "\n".join([*head, ",".join(cells), body.getvalue()])
+    rows = map(",".join, zip(*cells.values(), strict=True))
+    return "\n".join([*head, ",".join(cells), *rows, ""])
 
 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
     cases, columns = table.cases, dict[str, Array]()
-    stated = {name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()}
-    for name, values in (stated | {"sigma": [case.sigma for case in cases]}).items():
+    told: dict[str, list[Any]] = {
+        name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()
+    }
+    told["order"] = [case.orders for case in cases]
+    told["amplitude"], told["phase"] = ([of(case.waves) for case in cases] for of in (np.abs, np.angle))
+    told["sigma"] = [case.sigma for case in cases]
+    for name, values in told.items():
         missing = sum(value is None for value in values)
         if 0 < missing < len(cases):
-            what = _ATTRIBUTES.get(name, name)
-            refuse(
-                path,
-                f"{missing} of {len(cases)} cases have no {what}, others have; complete them, or write a file of each "
-                "kind",
+            what = f"{missing} of {len(cases)} cases have no {_ATTRIBUTES.get(name, name)}, others have"
+            refuse(path, f"{what}; complete them, or write a file of each kind")
+        if not missing:
+            each = (
+                np.full(case.orders.size, value) if np.ndim(value) == 0 else value
+                for case, value in zip(cases, values, strict=True)
             )
-        if cases and not missing:
-            columns[name] = np.concatenate(
-                [
-                    np.full(case.orders.size, value) if np.ndim(value) == 0 else value
-                    for value, case in zip(values, cases, strict=True)
-                ]
-            )
-    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in cases)])
-    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in cases)])
-    columns["amplitude"], columns["phase"] = np.abs(waves), np.angle(waves)
-    if "sigma" in columns:
-        columns["sigma"] = columns.pop("sigma")  # the last column
+            columns[name] = np.concatenate([np.zeros(0), *each])
     sizes = {name: values.size for name, values in columns.items()}
     check_lengths(path, sizes, "give each order one wave and one sigma")
-    direction_signs([case.condition.direction for case in table.cases])
-    rows = OrderRows(
-        path="",
-        labels=tuple(range(sizes["order"])),
-        noun="row",
-        directions=tuple(case.condition.direction for case in table.cases for _ in case.orders),
-        columns=columns,
-    )
+    direction_signs(columns["direction"])
     if not all(np.isfinite(values).all() for values in columns.values()):
         refuse(path, "the table holds values that are not finite; leave those orders out")
-    _table(rows)
+    _table(_rows(columns))
     return columns

@@ -25,7 +25,7 @@ from rverror.runs.bench.text import (
     trimmed,
     unit_in_name,
 )
-from rverror.runs.reading import COLUMNS, refuse
+from rverror.runs.reading import DIMENSIONS, refuse
 
 #: Words of a name that tell a column, German compounds such as Antriebswinkel among them.
 _SIDES = {
@@ -94,9 +94,9 @@ def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
     for entry in entries:
         words = _words(entry.name)
         sides = [key for key, pattern in _SIDES.items() if any(re.fullmatch(pattern, word) for word in words)]
-        if len(sides) == 1 and not entry.problem and _may_be(COLUMNS[sides[0]], entry):
+        if len(sides) == 1 and not entry.problem and _may_be(DIMENSIONS[sides[0]], entry):
             found[sides[0]].append(entry)
-    return {key: _guess(fitting, COLUMNS[key]) for key, fitting in found.items()}
+    return {key: _guess(fitting, DIMENSIONS[key]) for key, fitting in found.items()}
 
 
 def _guess(fitting: Sequence[Entry], dimension: str) -> Guess:

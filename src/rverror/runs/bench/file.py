@@ -20,14 +20,13 @@ from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
 from rverror.runs.reading import (
     COLUMN_NAME,
-    COLUMNS,
-    EXAMPLES,
+    DIMENSIONS,
     HEADER_KEYS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
+    RUN_COLUMNS,
     SPEEDS,
     STATED,
-    Header,
+    UNITS,
     Reading,
     Stated,
     bare_name,
@@ -38,7 +37,6 @@ from rverror.runs.reading import (
 )
 
 _MAT_HEADER = 128
-_EXAMPLES = EXAMPLES | ORDER_EXAMPLES
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
@@ -55,15 +53,15 @@ def is_bench_file(path: PathLike) -> bool:
     return _kind(path) != "text"
 
 
-def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Mapping[str, str] = COLUMNS) -> BenchFile:
+def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Sequence[str] = RUN_COLUMNS) -> BenchFile:
     """List what a file holds.
 
     Parameters
     ----------
     mapping : BenchMapping
         Of a text file, how it is written and which names are looked for.
-    standard : mapping of str to str
-        Names that are looked for where the mapping has none, with their dimension.
+    standard : sequence of str
+        Names that are looked for where the mapping has none.
 
     Raises
     ------
@@ -94,7 +92,7 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         refuse(str(path), f"{mapping.path} describes an order table by [orders], which holds no samples, and only "
                           "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
-    rules = dict(mapping.columns) or standard_rules(file, mapping, COLUMNS)
+    rules = dict(mapping.columns) or standard_rules(file, mapping, RUN_COLUMNS)
     others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
     names = [*(SPEEDS.get(key, key) for key in rules), *others]
     check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
@@ -107,15 +105,21 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     size = next(iter(sizes.values()))
     if "time" not in columns:
         columns |= _clock(file, [entries[key] for key in rules], size, notes)
-    header = read_header(file, mapping, notes)
+    stated = header_values(file, mapping, HEADER_KEYS, notes)
+    direction, at = _stated_direction(file, stated.get("direction"))
     notes += left_out_columns(file, list(entries.values()))
     reading = Reading(
         path=file.path,
         columns=columns,
         labels=file.rows(size),
         noun=file.noun,
+        stated=direction,
+        stated_at=at,
+        torque=header_quantity(file, "output_torque", stated),
+        temperature=header_quantity(file, "temperature", stated),
+        index=stated["index"].text if "index" in stated else "",
+        metadata={key: value.text for key, value in stated.items()},
         notes=tuple(notes),
-        **vars(header),
     )
     return integrated(reading)
 
@@ -163,13 +167,13 @@ def _wanted(mapping: BenchMapping) -> list[str | int]:
     return [rule.where.column or rule.where.name for rule in rules]
 
 
-def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str, str]) -> dict[str, ColumnRule]:
+def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Sequence[str]) -> dict[str, ColumnRule]:
     """Rules for columns with the names of a run file or an order table, in the stated group.
 
     Parameters
     ----------
-    standard : mapping of str to str
-        Those names, with the dimension of each.
+    standard : sequence of str
+        Those names.
 
     Raises
     ------
@@ -191,12 +195,13 @@ def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str
         where = Where(name=entry.name.removeprefix(above), column=number if text else 0)
         stated = COLUMN_NAME.match(last)
         unit = (stated[2] if stated and stated[2] else entry.unit).strip()
-        rules[key] = _standard_rule(file, key, place, where, unit, standard[key])
+        rules[key] = _standard_rule(file, key, place, where, unit)
     return rules
 
 
-def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: str, dimension: str) -> ColumnRule:
-    example = f"{key}[{_EXAMPLES[key]}]" if dimension else key
+def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: str) -> ColumnRule:
+    dimension = DIMENSIONS[key]
+    example = f"{key}[{UNITS[key]}]" if dimension else key
     remedy = f"write {example!r}, or state the unit in a mapping (rverror read FILE --draft begins one)"
     if not dimension:
         if unit:
@@ -276,35 +281,17 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}
 
 
-def read_header(file: BenchFile, mapping: BenchMapping, notes: list[str]) -> Header:
-    """Header of a run: from the mapping, or from a file that names it as a run file does.
-
-    Parameters
-    ----------
-    notes : list of str
-        Gets what has no meaning but may be meant.
-
-    Raises
-    ------
-    InputError
-        If a value is missing, has no unit or is none.
-    """
-    stated = header_values(file, mapping, HEADER_KEYS, notes)
-    direction = stated.get("direction")
-    if direction and direction.text.lower() not in STATED:
+def _stated_direction(file: BenchFile, direction: Stated | None) -> tuple[float | None, str]:
+    """What is stated of the direction of a run, and the place for messages."""
+    if direction is None:
+        return None, ""
+    if direction.text.lower() not in STATED:
         hint = did_you_mean(direction.text, STATED)
         file.refuse(
             f"{direction.at}: direction = {shown(direction.text)}: must be forward, reverse or mixed;"
             f"{hint or ' without it the angles tell'}"
         )
-    return Header(
-        stated=STATED[direction.text.lower()] if direction else None,
-        stated_at=f"{direction.at}: " if direction else "",
-        torque=header_quantity(file, "output_torque", stated),
-        temperature=header_quantity(file, "temperature", stated),
-        index=stated["index"].text if "index" in stated else "",
-        metadata={key: value.text for key, value in stated.items()},
-    )
+    return STATED[direction.text.lower()], f"{direction.at}: "
 
 
 def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], notes: list[str]) -> dict[str, Stated]:
@@ -347,7 +334,7 @@ def header_quantity(file: BenchFile, key: str, stated: Mapping[str, Stated]) -> 
     """
     if key not in stated:
         return None
-    dimension, at = ORDER_CONDITIONS[key], stated[key].at
+    dimension, at = DIMENSIONS[key], stated[key].at
     try:
         number = units.parse(stated[key].text, dimension)
     except ValueError as error:

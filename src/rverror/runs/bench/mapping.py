@@ -10,14 +10,14 @@ from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import KeyPath, TomlText, is_number, is_whole, read_toml
 from rverror.runs.reading import (
-    BENCH_COLUMNS,
-    BENCH_EXAMPLES,
+    DIMENSIONS,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
+    RUN_COLUMNS,
     SPEEDS,
     STATED,
+    UNITS,
 )
 
 #: Words of the trade that pint reads as something else, or not at all.
@@ -79,7 +79,6 @@ _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
 _WAVES = ("amplitude", "phase", "cos", "sin")  # each may count the other way
 _UNITLESS = ("name", "column", "scale")
-_EVERY_EXAMPLE = BENCH_EXAMPLES | ORDER_EXAMPLES
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEADER_EXAMPLES = {
     "output_torque": "20 N*m",
@@ -237,7 +236,7 @@ def load_mapping(path: PathLike) -> BenchMapping:
     toml.string((), toml.content, "name")
     tables = {name: toml.table(name) for name in _TOP[1:]}
     toml.check_keys(("file",), tables["file"], _FILE, "key of [file]")
-    toml.check_keys(("columns",), tables["columns"], tuple(BENCH_COLUMNS), "column")
+    toml.check_keys(("columns",), tables["columns"], (*RUN_COLUMNS, *SPEEDS), "column")
     for speed, angle in SPEEDS.items():
         if {speed, angle} <= tables["columns"].keys():
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
@@ -310,7 +309,8 @@ def _where(
     text = toml.string(place, table, given[0]).strip()
     if not text:
         toml.refuse((*place, given[0]), f'{given[0]} is empty; write {given[0]} = "..." as the file has it')
-    return Where(**{given[0]: text}, stated_at=stated_at)
+    name, property_ = (text, "") if given == ["name"] else ("", text)
+    return Where(name=name, property=property_, stated_at=stated_at)
 
 
 def _stated_at(toml: TomlText, place: KeyPath) -> str:
@@ -326,11 +326,11 @@ def _number(toml: TomlText, place: KeyPath, table: Mapping[str, Any], key: str) 
 
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: KeyPath = ("columns", key)
-    example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
+    example = f'name = "...", unit = "{UNITS[key]}"'
     table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
     if toml.string(place, table, "unit").strip() == "counts":
-        if BENCH_COLUMNS[key] != "angle" or key == "te":
+        if DIMENSIONS[key] != "angle" or key == "te":
             toml.refuse((*place, "unit"), f"{key} in counts; only input_angle and output_angle may be counts")
         if per_turn is None:
             toml.refuse(place, f"{key} in counts lacks counts_per_turn; write counts_per_turn = 4 * lines of the disc")
@@ -349,7 +349,7 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')
-    return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
+    return scaled_rule(toml, place, table, example, DIMENSIONS[key])
 
 
 def column_table(toml: TomlText, place: KeyPath, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
@@ -402,7 +402,7 @@ def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], exampl
     if not dimension:
         return ColumnRule(where=where, factor=scale or 1.0, scaled=True)
     if scale is not None and not unit:
-        named = _EVERY_EXAMPLE.get(str(key), units.DISPLAY_UNITS[dimension])
+        named = UNITS.get(str(key), units.DISPLAY_UNITS[dimension])
         toml.refuse(place, f'{key} has a scale but no unit; write unit = "{named}", that of scaled numbers')
     factor = zero = 0.0
     if unit:
@@ -426,7 +426,7 @@ def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -
 
 
 def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> dict[str, ColumnRule]:
-    toml.check_keys(("orders",), table, ("direction", *ORDER_COLUMNS), "column")
+    toml.check_keys(("orders",), table, ORDER_COLUMNS, "column")
     for key in table:
         if key in header:
             toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
@@ -439,8 +439,8 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
         example = 'name = "...", forward = "...", reverse = "..."'
         table = column_table(toml, place, value, example, ("name", "column", "forward", "reverse"))
         return ColumnRule(where=_where(toml, place, table, example), words=_direction_words(toml, place, table))
-    dimension = ORDER_COLUMNS[key]
-    example = 'name = "..."' + (f', unit = "{ORDER_EXAMPLES[key]}"' if dimension else "")
+    dimension = DIMENSIONS[key]
+    example = 'name = "..."' + (f', unit = "{UNITS[key]}"' if dimension else "")
     keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if dimension else _UNITLESS
     return scaled_rule(toml, place, column_table(toml, place, value, example, keys), example, dimension)
 
@@ -448,7 +448,7 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
 def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
     place: KeyPath = ("header", key)
     example = _HEADER_EXAMPLES[key]
-    dimension = ORDER_CONDITIONS.get(key)
+    dimension = DIMENSIONS[key] if key in ORDER_CONDITIONS else ""
     if isinstance(value, dict):
         more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
         toml.check_keys(place, value, ("property", *more), f"key of {key}")

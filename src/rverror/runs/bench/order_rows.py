@@ -8,11 +8,10 @@ from itertools import compress
 
 import numpy as np
 
-from rverror.base.arrays import Flags
 from rverror.base.directions import DIRECTIONS
-from rverror.base.numbers import count_of, way
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.runs.bench.columns import BenchFile, Entry
+from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import (
     found_entry,
     header_quantity,
@@ -39,7 +38,6 @@ from rverror.runs.reading import (
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
-_STANDARD = {**ORDER_COLUMNS, "direction": ""}
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")
 #: Columns that need another: what is not known without it, and what to give.
@@ -65,7 +63,7 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
     InputError
         If it cannot be used; one line that names file, line, column, bound and remedy.
     """
-    file = open_bench_file(path, mapping, _STANDARD)
+    file = open_bench_file(path, mapping, ORDER_COLUMNS)
     notes = list(file.notes)
     stated = header_values(file, mapping, ORDER_KEYS, notes)
     if mapping.orders:
@@ -73,7 +71,7 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         check_order_columns(mapping.path, "[orders]", rules)
     else:
         _check_kind(file, stated)
-        rules = standard_rules(file, mapping, _STANDARD)
+        rules = standard_rules(file, mapping, ORDER_COLUMNS)
         names = [entry.name for entry in file.entries]
         check_order_columns(file.path, file.place, rules, others=names)
     entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
@@ -92,8 +90,21 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         left = labels[~kept].tolist()
         notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
     columns = {key: values[kept] for key, values in columns.items()}
-    lines = labels[kept].tolist()
-    directions = _directions(file, rules, entries, stated, kept, lines)
+    labels = labels[kept]
+    given = {key: header_quantity(file, key, stated) for key in ORDER_CONDITIONS}
+    told = {key: (value, stated[key].at) for key, value in given.items() if value is not None}
+    if "direction" in stated:
+        where = stated["direction"].at
+        told["direction"] = (_direction(file, where, stated["direction"].text), where)
+    if "direction" in rules:
+        words = zip(labels, compress(file.words(entries["direction"]), kept), strict=True)
+        signs = [_direction(file, f"{file.noun} {label}", word, rules["direction"]) for label, word in words]
+        columns["direction"] = np.array(signs)
+    elif "direction" not in told:
+        file.refuse(
+            f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
+            "column 'direction', or direction in [header] or [orders] of the mapping"
+        )
     notes += left_out_columns(file, list(entries.values()))
     if mapping.orders:
         for key in _SIZES:
@@ -102,14 +113,12 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
                 notes.append(f"{key} has the sign of the motion; its size is taken")
         if "amplitude" in rules and rules["amplitude"].sign < 0:  # the error counts the other way
             columns["amplitude"], columns["phase"] = -columns["amplitude"], columns["phase"] + math.pi
-    conditions = {key: header_quantity(file, key, stated) for key in ORDER_CONDITIONS}
     return OrderRows(
         path=file.path,
-        labels=tuple(lines),
+        labels=labels,
         noun=file.noun,
-        directions=tuple(directions),
         columns=columns,
-        stated={key: (value, stated[key].at) for key, value in conditions.items() if value is not None},
+        stated=told,
         index=stated["index"].text if "index" in stated else "",
         metadata={key: value.text for key, value in stated.items()},
         notes=tuple(dict.fromkeys(notes)),
@@ -161,36 +170,6 @@ def check_order_columns(path: str, where: str, given: Collection[str], *, others
             f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
             "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
         )
-
-
-def _directions(
-    file: BenchFile,
-    rules: Mapping[str, ColumnRule],
-    entries: Mapping[str, Entry],
-    stated: Mapping[str, Stated],
-    kept: Flags,
-    lines: Sequence[int],
-) -> list[float]:
-    """+1 or -1 of each row."""
-    above = None
-    if "direction" in stated:
-        above = _direction(file, stated["direction"].at, stated["direction"].text)
-    if "direction" not in rules:
-        if above is None:
-            file.refuse(
-                f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
-                "column 'direction', or direction in [header] or [orders] of the mapping"
-            )
-        return [above] * len(lines)
-    words = compress(file.words(entries["direction"]), kept.tolist())
-    places = [f"{file.noun} {line}" for line in lines]
-    found = [_direction(file, at, word, rules["direction"]) for at, word in zip(places, words, strict=True)]
-    for at, sign in zip(places, found, strict=True):
-        if above is not None and sign != above:
-            file.refuse(
-                f"{at}: direction = {way(sign)}, but {stated['direction'].at} says {way(above)}; leave one of them"
-            )
-    return found
 
 
 def _direction(file: BenchFile, at: str, word: str, rule: ColumnRule | None = None) -> float:
