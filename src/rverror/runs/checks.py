@@ -213,12 +213,13 @@ def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: 
     # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
     jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
     _check_one_run(reading, name, angle)
-    if reading.stated:
+    stated = reading.value("direction")
+    if stated:
         if sure:
-            _check_direction(reading, name, angle, reading.stated, jitter)
-        return np.full(angle.size, reading.stated)
+            _check_direction(reading, name, angle, stated, jitter)
+        return np.full(angle.size, stated)
     direction = smooth_direction(angle, jitter)
-    if reading.stated is None:
+    if stated is None:
         turns = int(np.count_nonzero(np.diff(direction)))
         found = f"{turns} reversals" if turns else way(direction[0])
         notes.append(f"no direction in the header; read from {name}: {found}")
@@ -252,8 +253,9 @@ def _check_direction(reading: Reading, name: str, angle: Array, stated: float, j
     way = stated * angle
     if way[-1] < way[0]:
         verb = "falls" if stated > 0 else "grows"
+        where = reading.stated["direction"][1]
         reading.refuse(
-            f"{reading.stated_at}direction says {word}, but the output angle {verb} from first to last row; "
+            f"{where}{': ' * bool(where)}direction says {word}, but the output angle {verb} from first to last row; "
             f"write {opposite}"
         )
     back = np.maximum.accumulate(way) - way

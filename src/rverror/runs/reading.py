@@ -116,8 +116,8 @@ class OfFile:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rows(OfFile):
-    """Rows of a file as read, in core units, and what its header says.
+class Reading(OfFile):
+    """Columns of a run or an order table as read, in core units, and what was said of them.
 
     Attributes
     ----------
@@ -129,6 +129,8 @@ class Rows(OfFile):
         What messages call each row.
     noun : str
         ``line``, ``sample`` or ``row``: what the labels count.
+    stated : mapping of str to (float, str)
+        Direction (+1 or -1; 0 for mixed) and conditions of all rows, each with the place that says it.
     index : str
         Label of the zero.
     metadata : mapping of str to str
@@ -140,9 +142,14 @@ class Rows(OfFile):
     columns: Mapping[str, Array]
     labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
+    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     index: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def value(self, name: str) -> float | None:
+        """What is stated of all rows; None where nothing is."""
+        return self.stated[name][0] if name in self.stated else None
 
     def at(self, row: int) -> str:
         """Place of a row, for messages."""
@@ -153,43 +160,15 @@ class Rows(OfFile):
 
         Examples
         --------
-        >>> OrderRows(labels=np.array([2, 4, 7]), noun="line", columns={}).listed([1, 2])
+        >>> Reading(labels=np.array([2, 4, 7]), noun="line", columns={}).listed([1, 2])
         '(lines 4, 7)'
         """
         return listed(self.noun, self.labels[rows].tolist())
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reading(Rows):
-    """One run: angles in rad, time in s, torques in N*mm.
+class OrderRows(Reading):
+    """Rows of an order table, each one wave."""
 
-    Attributes
-    ----------
-    stated : float, optional
-        Direction: +1, -1, 0 for mixed, None where nothing is said.
-    stated_at : str
-        Where it is said, for messages.
-    torque, temperature : float, optional
-        N*mm and K.
-    """
-
-    stated: float | None = None
-    stated_at: str = ""
-    torque: float | None = None
-    temperature: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OrderRows(Rows):
-    """An order table, each row one wave; its direction is +1 or -1.
-
-    Attributes
-    ----------
-    stated : mapping of str to (float, str)
-        Conditions of all rows, each with the place that says it.
-    """
-
-    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     made_in: ClassVar[str] = "order table"
 
 
@@ -216,20 +195,24 @@ def refuse(path: str, message: str) -> NoReturn:
     raise InputError(f"{path or 'run'}{', ' if comma else ': '}{message}")
 
 
-def checked_value(path: str, what: str, number: float, dimension: str) -> float:
-    """Value of the header as a run holds it: the size of a torque, a temperature above absolute zero.
+def stated_value(path: str, what: str, value: Any, dimension: str) -> float:
+    """Condition of a run in its core unit: the size of a torque, a temperature above absolute zero.
 
     Parameters
     ----------
     what : str
         Place and key, for the message.
-    number : float
-        N*mm or K.
+    value : float, str or quantity
 
     Raises
     ------
     InputError
+        If it has no unit, one of another dimension, or cannot be.
     """
+    try:
+        number = units.to_core(value, dimension)
+    except ValueError as error:
+        refuse(path, f"{what}: {error}")
     if dimension == "temperature" and number < 0:
         refuse(path, f"{what}: {number:g} K lies below absolute zero; check the sign and the unit")
     return abs(number) if dimension == "torque" else number

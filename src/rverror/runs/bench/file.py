@@ -8,7 +8,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
@@ -32,8 +31,8 @@ from rverror.runs.reading import (
     bare_name,
     check_lengths,
     check_needed,
-    checked_value,
     refuse,
+    stated_value,
 )
 
 _MAT_HEADER = 128
@@ -96,32 +95,47 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
     names = [*(SPEEDS.get(key, key) for key in rules), *others]
     check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    stored = dict(zip(entries, file.read(entries.values()), strict=True))
-    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
-    check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
-    columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
-    size = next(iter(sizes.values()))
+    entries, columns = core_columns(file, mapping, rules, notes)
+    size = next(iter(columns.values())).size
     if "time" not in columns:
-        columns |= _clock(file, [entries[key] for key in rules], size, notes)
-    stated = header_values(file, mapping, HEADER_KEYS, notes)
-    direction, at = _stated_direction(file, stated.get("direction"))
+        columns |= _clock(file, list(entries.values()), size, notes)
+    header = header_values(file, mapping, HEADER_KEYS, notes)
+    stated = stated_conditions(file, header, HEADER_KEYS)
+    if "direction" in header:
+        stated["direction"] = _direction(file, header["direction"]), header["direction"].at
     notes += left_out_columns(file, list(entries.values()))
     reading = Reading(
         path=file.path,
         columns=columns,
         labels=file.rows(size),
         noun=file.noun,
-        stated=direction,
-        stated_at=at,
-        torque=header_quantity(file, "output_torque", stated),
-        temperature=header_quantity(file, "temperature", stated),
-        index=stated["index"].text if "index" in stated else "",
-        metadata={key: value.text for key, value in stated.items()},
+        stated=stated,
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
         notes=tuple(notes),
     )
     return integrated(reading)
+
+
+def core_columns(
+    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], notes: list[str]
+) -> tuple[dict[str, Entry], dict[str, Array]]:
+    """Entries of known columns, and those that are numbers in core units; `notes` gets what was assumed.
+
+    Raises
+    ------
+    InputError
+        If one cannot be used, or they differ in length.
+    """
+    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    numbers = [key for key in rules if key != "direction"]
+    stored = dict(zip(numbers, file.read(entries[key] for key in numbers), strict=True))
+    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
+    check_lengths(file.path, sizes, "record them at one rate, or export them again")
+    return entries, {
+        key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()
+    }
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
@@ -281,17 +295,14 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}
 
 
-def _stated_direction(file: BenchFile, direction: Stated | None) -> tuple[float | None, str]:
-    """What is stated of the direction of a run, and the place for messages."""
-    if direction is None:
-        return None, ""
-    if direction.text.lower() not in STATED:
-        hint = did_you_mean(direction.text, STATED)
+def _direction(file: BenchFile, stated: Stated) -> float:
+    if stated.text.lower() not in STATED:
+        hint = did_you_mean(stated.text, STATED)
         file.refuse(
-            f"{direction.at}: direction = {shown(direction.text)}: must be forward, reverse or mixed;"
+            f"{stated.at}: direction = {shown(stated.text)}: must be forward, reverse or mixed;"
             f"{hint or ' without it the angles tell'}"
         )
-    return STATED[direction.text.lower()], f"{direction.at}: "
+    return STATED[stated.text.lower()]
 
 
 def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], notes: list[str]) -> dict[str, Stated]:
@@ -324,22 +335,21 @@ def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], n
     return stated
 
 
-def header_quantity(file: BenchFile, key: str, stated: Mapping[str, Stated]) -> float | None:
-    """Value of a condition in its core unit; None where the header has none.
+def stated_conditions(
+    file: BenchFile, header: Mapping[str, Stated], keys: Sequence[str]
+) -> dict[str, tuple[float, str]]:
+    """Conditions among some keys of a header, in core units, each with its place.
 
     Raises
     ------
     InputError
-        If it has no unit or is none.
+        If one has no unit or is none.
     """
-    if key not in stated:
-        return None
-    dimension, at = DIMENSIONS[key], stated[key].at
-    try:
-        number = units.parse(stated[key].text, dimension)
-    except ValueError as error:
-        file.refuse(f"{at}: {key}: {error}")
-    return checked_value(file.path, f"{at}: {key}", number, dimension)
+    return {
+        key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
+        for key, stated in header.items()
+        if key in keys and key in ORDER_CONDITIONS
+    }
 
 
 def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:

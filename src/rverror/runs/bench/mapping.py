@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rverror.base import units
@@ -336,16 +337,8 @@ def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
             toml.refuse(place, f"{key} in counts lacks counts_per_turn; write counts_per_turn = 4 * lines of the disc")
         if "scale" in table:
             toml.refuse((*place, "scale"), "counts have counts_per_turn and no scale; leave scale out")
-        sign = _sign(toml, place, table)
-        return ColumnRule(
-            where=_where(toml, place, table, example),
-            unit="counts",
-            factor=sign * units.unit_factor("turn", "angle") / per_turn,
-            scaled=True,
-            sign=sign,
-            counts=True,
-            wraps_at=wraps_at or 0.0,
-        )
+        in_angle = scaled_rule(toml, place, {**table, "unit": "rad", "scale": math.tau / per_turn}, example, "angle")
+        return replace(in_angle, counts=True, wraps_at=wraps_at or 0.0)
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')

@@ -13,25 +13,22 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import (
-    found_entry,
-    header_quantity,
+    core_columns,
     header_values,
     left_out_columns,
     open_bench_file,
     standard_rules,
+    stated_conditions,
     unknown_word,
 )
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
 from rverror.runs.bench.text import number_in
-from rverror.runs.bench.values import core_values
 from rverror.runs.reading import (
     ORDER_COLUMNS,
-    ORDER_CONDITIONS,
     ORDER_KEYS,
     OrderRows,
     Stated,
     bare_name,
-    check_lengths,
     listed,
     refuse,
 )
@@ -65,24 +62,16 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
     """
     file = open_bench_file(path, mapping, ORDER_COLUMNS)
     notes = list(file.notes)
-    stated = header_values(file, mapping, ORDER_KEYS, notes)
+    header = header_values(file, mapping, ORDER_KEYS, notes)
     if mapping.orders:
         rules = dict(mapping.orders)
         check_order_columns(mapping.path, "[orders]", rules)
     else:
-        _check_kind(file, stated)
+        _check_kind(file, header)
         rules = standard_rules(file, mapping, ORDER_COLUMNS)
         names = [entry.name for entry in file.entries]
         check_order_columns(file.path, file.place, rules, others=names)
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    numbers = [key for key in entries if key != "direction"]
-    arrays = file.read(entries[key] for key in numbers)
-    sizes = {key: array.size for key, array in zip(numbers, arrays, strict=True)}
-    check_lengths(file.path, sizes, "export them again")
-    columns = {
-        key: core_values(file, key, rules[key], entries[key], array, notes)
-        for key, array in zip(numbers, arrays, strict=True)
-    }
+    entries, columns = core_columns(file, mapping, rules, notes)
     # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
     kept = np.logical_or.reduce([np.isfinite(values) for values in columns.values()])
     labels = file.rows(kept.size)
@@ -91,16 +80,15 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
     columns = {key: values[kept] for key, values in columns.items()}
     labels = labels[kept]
-    given = {key: header_quantity(file, key, stated) for key in ORDER_CONDITIONS}
-    told = {key: (value, stated[key].at) for key, value in given.items() if value is not None}
-    if "direction" in stated:
-        where = stated["direction"].at
-        told["direction"] = (_direction(file, where, stated["direction"].text), where)
+    stated = stated_conditions(file, header, ORDER_KEYS)
+    if "direction" in header:
+        where = header["direction"].at
+        stated["direction"] = _direction(file, where, header["direction"].text), where
     if "direction" in rules:
         words = zip(labels, compress(file.words(entries["direction"]), kept), strict=True)
         signs = [_direction(file, f"{file.noun} {label}", word, rules["direction"]) for label, word in words]
         columns["direction"] = np.array(signs)
-    elif "direction" not in told:
+    elif "direction" not in stated:
         file.refuse(
             f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
             "column 'direction', or direction in [header] or [orders] of the mapping"
@@ -118,9 +106,9 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         labels=labels,
         noun=file.noun,
         columns=columns,
-        stated=told,
-        index=stated["index"].text if "index" in stated else "",
-        metadata={key: value.text for key, value in stated.items()},
+        stated=stated,
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
         notes=tuple(dict.fromkeys(notes)),
     )
 
