@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.runs.fault_bounds import (
@@ -71,7 +72,7 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
         before, after = sides.fitted(clean)
         x = sides.at[inside]
         values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
-    apart = error - _running_median(error, 2 * BOUNDS.longest_burst + 1)
+    apart = error - scipy.ndimage.median_filter(error, 2 * BOUNDS.longest_burst + 1, mode="mirror")
     # what comes again in other turns is the gear's
     found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
     away = {at: abs(float(error[at] - values[at])) for at in off}
@@ -120,14 +121,9 @@ def far_off(error: Array, floor: float) -> int:
     """Count samples far from the median of five neighbours, by a scatter that bears almost a third of them."""
     if error.size < 4 * NEAR:
         return 0
-    rest = np.abs(error - _running_median(error, 5))
+    rest = np.abs(error - scipy.ndimage.median_filter(error, 5, mode="mirror"))
     usual = float(np.median(rest[rest > 0])) / 0.6745 if rest.any() else 0.0
     return int(np.count_nonzero(rest > max(BOUNDS.certain * usual, floor)))
-
-
-def _running_median(values: Array, width: int) -> Array:
-    padded = np.pad(values, width // 2, mode="reflect")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=-1), dtype=np.float64)
 
 
 def _apart(values: Array, widths: tuple[int, ...]) -> Array:
@@ -137,7 +133,7 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
     """
     found = np.full(values.size, np.nan)
     for width in widths:
-        middle = _running_median(values, width)
+        middle = scipy.ndimage.median_filter(values, width, mode="mirror")
         rest = values - middle
         far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
         found[far] = middle[far]
@@ -205,8 +201,8 @@ class _Sides:
         """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""
         windows = np.lib.stride_tricks.sliding_window_view(values, NEAR)
         before, after = np.zeros((3, self.size)), np.zeros((3, self.size))
-        before[:, NEAR:] = _applied(self._before, windows[:-1])
-        after[:, : windows.shape[0]] = _applied(self._after, windows)
+        before[:, NEAR:] = np.einsum("kcn,kn->ck", self._before, windows[:-1])
+        after[:, : windows.shape[0]] = np.einsum("kcn,kn->ck", self._after, windows)
         return before, after
 
     def along(self, coefficients: Array, k: Integers, x: Array) -> Array:
@@ -214,12 +210,6 @@ class _Sides:
         a, b, c = coefficients[:, k]
         d = x - self.at[k]
         return np.asarray(a + d * (b + d * c), dtype=np.float64)
-
-
-def _applied(matrices: Array, windows: Array) -> Array:
-    if len(matrices) == 1:
-        return np.asarray(matrices[0] @ windows.T, dtype=np.float64)
-    return np.asarray((matrices @ windows[..., None])[..., 0].T, dtype=np.float64)
 
 
 def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int]:
