@@ -291,19 +291,14 @@ def source_of(where: TomlText, place: KeyPath, table: Mapping[str, Any]) -> Sour
 def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism: Mechanism) -> Effect:
     entry = source_of(where, place, table)
     key = entry.key
-    parameters = {item.name: item for item in entry.parameters}
+    sizes = {item.name: item.dimension for item in entry.parameters} | {"uncertainty": entry.parameters[0].dimension}
     indices = [item.name for item in entry.indices]
-    where.check_keys(place, table, ("key", *indices, *parameters, "uncertainty", "origin"), f"key of {key}")
-    named: dict[str, Any] = {}
-    for name, item in table.items():
-        at = (*place, name)
-        if name in parameters or name == "uncertainty":
-            dimension = parameters.get(name, entry.parameters[0]).dimension
-            where.quantity(at, item, dimension, _example(name, dimension))
-            named[name] = item
-        elif name in indices:
-            named[name] = item
-    named["origin"] = where.string(place, table, "origin")
+    where.check_keys(place, table, ("key", *indices, *sizes, "origin"), f"key of {key}")
+    for name in table:
+        if name in sizes:
+            where.quantity((*place, name), table[name], sizes[name], _example(name, sizes[name]))
+    where.string(place, table, "origin")
+    named = {name: item for name, item in table.items() if name != "key"}
     try:
         entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
         return effect(key, **named)

@@ -86,7 +86,8 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
             last += 1
         return any(away.get(at, 0.0) > _LARGER * abs(step.size) for at in range(first, last + 1))
 
-    read, rises = values.copy(), _rises(sides, values)
+    read, rises = values.copy(), np.zeros(values.size)  # rises: the step in front of every sample
+    rises[NEAR : 1 - NEAR] = sides.steps(sides.fitted(values), 0)[1]
     steps: list[LevelStep] = []
     for _ in range(ROUNDS):
         further = [step for step in _steps(sides, values, floor) if not is_made_up(step)]
@@ -205,6 +206,12 @@ class _Sides:
         after[:, : windows.shape[0]] = np.einsum("kcn,kn->ck", self._after, windows)
         return before, after
 
+    def steps(self, fits: tuple[Array, Array], width: int) -> tuple[Integers, Array]:
+        """First samples of all transitions of so many, and the steps between the parabolas on both sides of each."""
+        k = np.arange(NEAR, self.size - width - NEAR + 1)
+        x = 0.5 * (self.at[k - 1] + self.at[k + width])
+        return k, self.along(fits[1], k + width, x) - self.along(fits[0], k, x)
+
     def along(self, coefficients: Array, k: Integers, x: Array) -> Array:
         """Values of the parabolas of samples k at places x."""
         a, b, c = coefficients[:, k]
@@ -241,19 +248,16 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int
 
 def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
-    before, after = sides.fitted(values)
+    fits = sides.fitted(values)
     change = np.diff(values, prepend=values[0])
     # Scatter is told without the changes that may be slips.
     smooth = _apart(change, (5,))
     clean = values - np.cumsum(np.where(np.isnan(smooth), 0.0, change - smooth))
-    clean_before, clean_after = sides.fitted(clean)
+    clean_fits = sides.fitted(clean)
     best = np.zeros(sides.size)
     step_at: dict[int, tuple[int, float]] = {}
     for width in range(WIDEST_SLIP + 1):
-        k = np.arange(NEAR, sides.size - width - NEAR + 1)
-        x = 0.5 * (sides.at[k - 1] + sides.at[k + width])
-        size = sides.along(after, k + width, x) - sides.along(before, k, x)
-        usual = sides.along(clean_after, k + width, x) - sides.along(clean_before, k, x)
+        (k, size), (_, usual) = sides.steps(fits, width), sides.steps(clean_fits, width)
         # The change has to be as sudden as none near it: gear error rises over several samples.
         rise = np.abs(values[k + width] - values[k - 1])
         sudden = rise > np.maximum(2 * (width + 1) * _largest_near(np.abs(change), width)[k], 0.5 * np.abs(size))
@@ -266,16 +270,6 @@ def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
         width, this = step_at[first]
         found.append(LevelStep(first, first + width, this, abs(this) / float(best[first])))
     return found
-
-
-def _rises(sides: _Sides, values: Array) -> Array:
-    """Step between the parabolas of both sides in front of every sample; 0 at the ends."""
-    before, after = sides.fitted(values)
-    k = np.arange(NEAR, sides.size - NEAR + 1)
-    x = 0.5 * (sides.at[k - 1] + sides.at[k])
-    rises = np.zeros(sides.size)
-    rises[k] = sides.along(after, k, x) - sides.along(before, k, x)
-    return rises
 
 
 def _score(size: Array, usual: Array, able: Flags, floor: float, bound: float) -> Array:

@@ -449,12 +449,9 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
         unit = toml.string(place, value, "unit").strip()
         if unit and dimension:
             try:
-                units.parse(f"1 {unit}", dimension)
+                units.unit_scale(unit, dimension)
             except ValueError as error:
-                message = str(error).partition(";")[0].replace(f"1 {unit}", unit)
-                meant = meant_unit(unit)
-                hint = f"did you mean {meant!r}?" if meant != unit else f"write one like {example!r}"
-                toml.refuse((*place, "unit"), f"{key}: {message}; {hint}")
+                toml.refuse((*place, "unit"), f"{key}: {error}")
         return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
     text = toml.string(("header",), toml.table("header"), key).strip()
     if dimension:
