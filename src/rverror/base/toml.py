@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NoReturn, cast
 
@@ -64,6 +65,29 @@ class TomlText:
             place = place[:-1]
         line = f", line {self.lines[place]}" if place else ""
         raise InputError(f"{self.path}{line}: {message}")
+
+    @contextmanager
+    def refusing(self, place: KeyPath | Callable[[str], KeyPath], what: str = "") -> Iterator[None]:
+        """Refuse with its line what is refused inside by a ValueError.
+
+        Parameters
+        ----------
+        place : tuple or callable
+            Of what is at fault, or what finds that by the message.
+        what : str
+            Said before the message.
+
+        Raises
+        ------
+        InputError
+        """
+        try:
+            yield
+        except ValueError as error:
+            said = str(error)
+            if said.startswith(self.path):  # by its line already
+                raise
+            self.refuse(place(said) if callable(place) else place, f"{what}{said}")
 
     def check_keys(self, place: KeyPath, table: Table, known: Sequence[str], what: str) -> None:
         """Refuse the first key of a table that is not known.

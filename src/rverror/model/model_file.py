@@ -194,10 +194,8 @@ def _model(path: str, text: str) -> Model:
             ("bench", hanging[0]),
             "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive], all but [bench.encoders]",
         )
-    try:
+    with where.refusing(()):
         return Model(mechanism, effects, name, ends, encoders)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _reducer(where: TomlText) -> Reducer:
@@ -207,10 +205,8 @@ def _reducer(where: TomlText) -> Reducer:
     preset, own = None, {}
     if "preset" in table:
         preset = where.string(place, table, "preset")
-        try:
+        with where.refusing((*place, "preset")):
             own = preset_parameters(preset)
-        except ValueError as error:
-            where.refuse((*place, "preset"), str(error))
     values: dict[str, Any] = {}
     for key in table:
         if key in _SIZES:
@@ -220,10 +216,8 @@ def _reducer(where: TomlText) -> Reducer:
             values[key] = _made(where, (*place, key), _TABLES[key], own.get(key, _TABLES[key]()))
         elif key != "preset":
             values[key] = where.string(place, table, key)
-    try:
+    with where.refusing(lambda said: _first_word(place, said)):
         return reducer(preset, **values)
-    except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), str(error))
 
 
 def _made(
@@ -233,10 +227,8 @@ def _made(
     table, known = where.table(*place), quantities(kind)
     where.check_keys(place, table, (*known, *tables), f"key of [{'.'.join(place)}]")
     given = {key: _size(where, place, table, key, known[key]) for key in table if key in known}
-    try:
+    with where.refusing(lambda said: _first_word(place, said)):
         return kind(**given) if base is None else dataclasses.replace(base, **given)
-    except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), str(error))
 
 
 def _size(where: TomlText, place: KeyPath, table: Mapping[str, Any], key: str, what: NumberField) -> float:
@@ -251,7 +243,7 @@ def _size(where: TomlText, place: KeyPath, table: Mapping[str, Any], key: str, w
     return cast(float, where.checked(place, table, key, fits, f"{wanted}; write it like {key} = {what.example}"))
 
 
-def _first_word(where: TomlText, place: KeyPath, message: str) -> KeyPath:
+def _first_word(place: KeyPath, message: str) -> KeyPath:
     """Place of the key that a message of the geometry check begins with."""
     return (*place, *re.split(r"[ :]", message, maxsplit=1)[:1])
 
@@ -263,11 +255,12 @@ def _drive(where: TomlText) -> Drive:
         where.refuse(place, "[drive] lacks ratio; write the input turns per output turn, like ratio = -14.0")
     shafts = where.table("drive", "shafts")
     named = {"name": where.string(place, table, "name")} if "name" in table else {}
-    try:
+
+    def blamed(said: str) -> KeyPath:
+        return next(((*place, "shafts", name) for name in shafts if said.startswith(f"{name} = ")), (*place, "ratio"))
+
+    with where.refusing(blamed):
         return Drive(ratio=table["ratio"], shafts=shafts, **named)
-    except ValueError as error:
-        wrong = next((name for name in shafts if str(error).startswith(f"{name} = ")), None)
-        where.refuse((*place, "ratio") if wrong is None else (*place, "shafts", wrong), str(error))
 
 
 def source_of(where: TomlText, place: KeyPath, table: Mapping[str, Any]) -> Source:
@@ -299,12 +292,13 @@ def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism
             where.quantity((*place, name), table[name], sizes[name], _example(name, sizes[name]))
     where.string(place, table, "origin")
     named = {name: item for name, item in table.items() if name != "key"}
-    try:
+
+    def blamed(said: str) -> KeyPath:
+        return (*place, next((n for n in (*indices, "uncertainty") if re.search(rf"\b{n}\b( = |:)", said)), "key"))
+
+    with where.refusing(blamed):
         entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
         return effect(key, **named)
-    except ValueError as error:
-        blamed = next((n for n in (*indices, "uncertainty") if re.search(rf"\b{n}\b( = |:)", str(error))), "key")
-        where.refuse((*place, blamed), str(error))
 
 
 def _example(name: str, dimension: str) -> str:

@@ -327,11 +327,9 @@ def _parsed(name: str, text: str) -> TomlText:
 def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
     """Tolerances of a text or a table."""
     found = tuple(_Entry(where, place, table).read(model) for place, table in where.tables("tolerance"))
-    try:
+    with where.refusing(()):
         correlations(found)
         fits(found)
-    except InputError as error:
-        raise InputError(f"{where.path}: {error}") from error
     return found
 
 
@@ -363,7 +361,7 @@ class _Entry:
         width = f"{size!r} {units.CORE_UNITS[self.dimension]}" if isinstance(size, float) else size
         given = {name: table[name] for name in _PLAIN if name in table}
         given |= {name: float(table[name]) for name in ("capability", "shape", "correlation") if name in table}
-        try:
+        with self.where.refusing(lambda said: (*self.place, self._blamed(said))):
             item = tolerance(
                 self.source.key,
                 width,
@@ -377,8 +375,6 @@ class _Entry:
             )
             if model is not None:
                 item.instances(model.mechanism)
-        except ValueError as error:
-            self.refuse(self._blamed(str(error)), str(error))
         return item
 
     def changed(self, lines: Sequence[str], item: Tolerance, width: float, grade: str | None) -> tuple[int, str]:
@@ -467,10 +463,8 @@ class _Entry:
         at = (*self.place, *place)
         if self.dimension != "length":
             self.where.refuse(at, f"{self.source.key}: a grade is of a length, and this is none; give a tolerance")
-        try:
+        with self.where.refusing(at):
             number = class_of(grade)
-        except ValueError as error:
-            self.where.refuse(at, str(error))
         needed, other = _PARTS if number is None else _PARTS[::-1]
         what = "the size of the part" if number is None else "the gear's reference diameter and module"
         if missing := [name for name in needed if name not in table]:
@@ -479,14 +473,12 @@ class _Entry:
         if beside := [name for name in other if name in table]:
             self.where.refuse(at, f"{beside[0]} beside the grade {grade!r}, which needs {what} alone; leave it out")
         sizes = {name: self.where.quantity((*at[:-1], name), table[name], "length", needed[name]) for name in needed}
-        try:
+        with self.where.refusing(at):
             if number is None:
                 return it_width(grade, **sizes) / 2
             found = self._indices().get("harmonic", 1)
             waves = [h for h in (found if isinstance(found, list) else [found]) if isinstance(h, int)]
             return gear_limit(self.source.key, number, harmonics=waves, **sizes)
-        except ValueError as error:
-            self.where.refuse(at, str(error))
 
     def _cost(self) -> Cost | None:
         value = self.table.get("cost")
@@ -499,12 +491,8 @@ class _Entry:
             self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
         kind = kinds[0]
         self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
-        try:
+        with self.where.refusing((*self.place, "cost"), "cost: "):
             return {"curve": self._curve, "grades": self._grades, "table": self._price_table}[kind](value)
-        except ValueError as error:
-            if str(error).startswith(self.where.path):
-                raise
-            self.refuse("cost", f"cost: {error}")
 
     def _cost_example(self, kind: str) -> str:
         return _COST_EXAMPLES[kind].replace("%s", self.example)

@@ -399,11 +399,9 @@ def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], exampl
         toml.refuse(place, f'{key} has a scale but no unit; write unit = "{named}", that of scaled numbers')
     factor = zero = 0.0
     if unit:
-        try:
+        with toml.refusing((*place, "unit"), f"{key}: "):
             factor, zero = unit_scale(unit, dimension)
             factor *= sign * (scale or 1.0)
-        except ValueError as error:
-            toml.refuse((*place, "unit"), f"{key}: {error}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
 
 
@@ -448,10 +446,8 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
         where = _where(toml, place, value, 'property = "..."', ("property",))
         unit = toml.string(place, value, "unit").strip()
         if unit and dimension:
-            try:
+            with toml.refusing((*place, "unit"), f"{key}: "):
                 units.unit_scale(unit, dimension)
-            except ValueError as error:
-                toml.refuse((*place, "unit"), f"{key}: {error}")
         return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
     text = toml.string(("header",), toml.table("header"), key).strip()
     if dimension:
