@@ -21,7 +21,8 @@ from rverror.base.errors import InputError
 from rverror.base.text import read_text, split_lines, write_text
 from rverror.base.units import ARCSEC
 from rverror.geartrain.kinematics import motion_direction
-from rverror.runs.measurement import Run, load_run, run_from_arrays, smooth_direction, write_run
+from rverror.runs.checks import smooth_direction
+from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
 
 HEAD = "# direction: forward\n# output_torque: 20 N*m\n"
 COLUMNS = "input_angle[deg],output_angle[deg]\n"

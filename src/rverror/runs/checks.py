@@ -189,11 +189,6 @@ def fitted_slope(x: Array, y: Array) -> float:
     return float(x @ y) / power if power > 0 else 0.0
 
 
-def way_made(angle: Array, direction: Array) -> float:
-    """Way made along the stated direction, so that it is positive where the two agree."""
-    return float(np.diff(angle) @ direction[1:])
-
-
 def _sense(columns: Mapping[str, Array], ratio: float | None, jumped: set[str]) -> tuple[float, bool]:
     """Sign that turns the leading angle into one that grows with theta, and whether it is known."""
     if "output_angle" in columns:

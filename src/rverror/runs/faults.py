@@ -17,11 +17,9 @@ from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, LevelStep, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FoundFaults, LevelStep, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
-
-__all__ = ["FaultBounds", "Faults", "Gap", "Slip", "find_faults"]
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.bench.file import read_bench_file
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
+from rverror.runs.checks import checked, fitted_slope
 from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
 from rverror.runs.order_table import OrderTable
@@ -45,17 +45,6 @@ from rverror.runs.reading import (
     row_of,
     stated_value,
 )
-
-__all__ = [
-    "Run",
-    "load_run",
-    "read_run",
-    "run_from_arrays",
-    "run_text",
-    "smooth_direction",
-    "write_run",
-]
-
 
 _BLOCKS = 16  # of a torque column, over which noise is averaged
 #: Range of their means over the torque up to which it is constant: a brake holds its torque no better.
@@ -239,7 +228,7 @@ class Run(OfFile, Viewed):
         assert self.input_angle is not None
         if self.output_angle is None:
             # Direction tells the sign: it was stated, or read with the sign known then.
-            travel = way_made(self.input_angle, self.direction)
+            travel = float(np.diff(self.input_angle) @ self.direction[1:])
             if travel * ratio < 0:
                 self.refuse(
                     f"with the ratio {ratio:g} the nominal angle runs against the run's direction; correct "
