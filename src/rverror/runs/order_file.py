@@ -218,10 +218,11 @@ def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
     """z of each row; NaN where neither of its two numbers is there."""
     one, other = ("cos", "sin") if "cos" in columns else ("amplitude", "phase")
     first, second = columns[one], columns[other]
-    half = np.isnan(second) & ~np.isnan(first)
-    if one == "cos":
-        half |= np.isnan(first) & ~np.isnan(second)
-    for row in np.flatnonzero(half).tolist():
+    half = np.isnan(first) != np.isnan(second)
+    if one == "amplitude":
+        half &= np.isnan(second)  # a phase alone tells of no wave
+    if half.any():
+        row = int(np.argmax(half))
         there, missing = (one, other) if math.isnan(second[row]) else (other, one)
         rows.refuse(f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
     if one == "cos":
@@ -234,15 +235,13 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     if "sigma" not in columns:
         return None
     sigma = columns["sigma"]
-    there = np.isfinite(waves)
-    empty = there & np.isnan(sigma)
-    if (there & ~empty).any() and empty.any():
-        rows.refuse(
-            f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none"
-        )
-    if not (there & ~empty).any():
+    empty = np.isnan(sigma[np.isfinite(waves)])
+    if empty.all():
         notes.append("sigma holds no number and is left out")
         return None
+    if empty.any():
+        at = rows.at(int(np.argmax(np.isfinite(waves) & np.isnan(sigma))))
+        rows.refuse(f"{at}: no sigma, but other rows have one; give it in every row or in none")
     return sigma
 
 

@@ -309,10 +309,8 @@ class _Bench(Checked):
             keys["noise"] = f"{self.noise / units.ARCSEC:.15g} arcsec"
             keys["noise correlation"] = f"{math.degrees(self.correlation):.15g} deg"
             keys["seed"] = str(self.seed)
-        if self.input_counts is not None:
-            keys["input counts"] = str(self.input_counts)
-        if self.output_counts is not None:
-            keys["output counts"] = str(self.output_counts)
+        counts = {"input counts": self.input_counts, "output counts": self.output_counts}
+        keys |= {name: str(count) for name, count in counts.items() if count is not None}
         if self.output_speed is not None:
             keys["speed"] = f"{math.degrees(self.output_speed):.15g} deg/s"
         return keys
