@@ -11,7 +11,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 
 COUNT = "count"  # in place of a dimension: a whole number
 
@@ -120,13 +120,11 @@ def row(name: str, values: Any, dimension: str) -> Array:
     InputError
         If they are no row, or have no such unit.
     """
-    try:
+    with refusing(f"{name}: "):
         if isinstance(values, Sequence) and not isinstance(values, str):
             found = np.array([units.to_core(one, dimension) for one in values], dtype=np.float64)
         else:
             found = np.atleast_1d(units.to_core_array(values, dimension))
-    except ValueError as error:
-        raise InputError(f"{name}: {error}") from error
     if found.ndim != 1 or not found.size:
         raise InputError(f"{name}: the shape is {found.shape}; give a row")
     return found

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar, cast
 
 from rverror.base import units
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
 from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
@@ -145,21 +145,16 @@ def append_effects(
     """
     text = read_text(source_path)
     before = _model(str(source_path), text)
-    try:
+    with refusing(f"{source_path}: the effect cannot be added: "):
         wanted = before.with_effects(*effects)
-    except ValueError as error:
-        raise InputError(f"{source_path}: the effect cannot be added: {error}") from error
     added = "\n".join(f"\n{_effect_text(item)}" for item in effects) + "\n" if effects else ""
     newline = "\r\n" if "\r\n" in text else "\n"
     if added and not text.endswith("\n"):
         text += newline
     text += added.replace("\n", newline)
-    try:
+    remedy = "write its effects as [[effect]] tables too"
+    with refusing(f"{source_path}: no [[effect]] table can be appended; {remedy} (", ")"):
         after = _model(str(target_path), text)
-    except InputError as error:
-        raise InputError(
-            f"{source_path}: no [[effect]] table can be appended; write its effects as [[effect]] tables too ({error})"
-        ) from error
     _check_equal(str(target_path), after, wanted)
     write_text(target_path, text, overwrite=overwrite)
 

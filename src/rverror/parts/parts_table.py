@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.units import CORE_UNITS
 from rverror.geartrain.mechanism import Mechanism
@@ -96,11 +96,9 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
 def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
     """Refuse what is no error of such a part of the mechanism."""
     entry = source(error.key)
-    try:
+    with refusing(f"{one.where}: ", "; correct it"):
         MeasuredPart(one.kind, one.serial, (error,))
         entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
-    except ValueError as problem:
-        raise InputError(f"{one.where}: {problem}; correct it") from problem
 
 
 def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
-from rverror.base.errors import InputError, check_kind
+from rverror.base.errors import check_kind, refusing
 from rverror.base.numbers import count_of, way, with_unit
 from rverror.base.text import PathLike, check_path, split_lines, write_text
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
@@ -317,16 +317,12 @@ def orders_from_arrays(
         if value is None:
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
-            try:
+            with refusing(f"{OrderRows.made_in}: {_ATTRIBUTES[name]}: "):
                 stated[name] = (units.to_core(value, DIMENSIONS[name]), "all rows")
-            except ValueError as error:
-                refuse(OrderRows.made_in, f"{_ATTRIBUTES[name]}: {error}")
         else:
             columns[name] = row(_ATTRIBUTES[name], value, DIMENSIONS[name])
-    try:
+    with refusing(f"{OrderRows.made_in}: "):
         signs = direction_signs(direction)
-    except InputError as error:
-        refuse(OrderRows.made_in, str(error))
     if signs.ndim:
         columns["direction"] = signs
     else:

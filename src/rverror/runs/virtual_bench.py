@@ -17,7 +17,7 @@ import scipy
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError, renamed
+from rverror.base.errors import InputError, refusing, renamed
 from rverror.base.numbers import way
 from rverror.base.quantities import COUNT, Checked, NumberField, quantity
 from rverror.geartrain.contacts import motion
@@ -374,12 +374,10 @@ def _error(model: Model, conditions: Conditions, *, points: int, method: str) ->
     places = np.array_split(np.arange(count), math.ceil(count / _AT_ONCE))
     load = conditions.load
     parts = [replace(conditions, theta=theta[at], time=None, load=None if load is None else load[at]) for at in places]
-    try:
+    with refusing(""):  # an effect that lacks a condition, such as the torque
         solved = [
             transmission_error(gears, part) if method == "closed" else equilibrium(gears, part).transmission_error
             for part in parts
         ]
         read = added(misread(model), motion(Drive(ratio=unit.ratio), conditions))  # what is read needs no contacts
-    except ValueError as problem:  # an effect that lacks a condition, such as the torque
-        raise InputError(str(problem)) from problem
     return np.resize(np.concatenate(solved), theta.size) + read
