@@ -30,6 +30,15 @@ def read_bytes(path: PathLike) -> bytes:
         raise InputError(f"{path}: {_reason(error, 'read')}") from error
 
 
+def file_head(path: PathLike, size: int) -> bytes:
+    """Beginning of a file; empty where it cannot be read: whoever reads it whole says why."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(size)
+    except (OSError, ValueError):
+        return b""
+
+
 def read_text(path: PathLike) -> str:
     """Read a UTF-8 text file, with or without a byte-order mark; line ends stay as they are.
 

@@ -18,7 +18,7 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
 from rverror.base.errors import check_kind, refusing
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, split_lines, write_text
+from rverror.base.text import PathLike, check_path, file_head, split_lines, write_text
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_rows import KIND, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
@@ -58,12 +58,7 @@ def is_order_file(path: PathLike) -> bool:
     False
     """
     check_path(path)
-    try:
-        with open(path, "rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except (OSError, ValueError):
-        return False
-    for line in split_lines(head.decode("utf-8-sig", "replace")):
+    for line in split_lines(file_head(path, _HEAD_BYTES).decode("utf-8-sig", "replace")):
         text = line.strip()
         if text and not text.startswith("#"):
             return False

@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, did_you_mean, shown
+from rverror.base.text import PathLike, did_you_mean, file_head, shown
 from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, some_names
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, HeaderRule, Where, meant_unit, unit_scale
@@ -151,10 +151,8 @@ def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
 
 
 def _kind(path: PathLike) -> str:
-    try:
-        with open(path, "rb") as file:
-            head = file.read(1024)
-    except (OSError, ValueError):
+    head = file_head(path, 1024)
+    if not head:
         return "text"
     mat = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI", b"\x00\x02IM", b"\x02\x00MI")
     if HDF5_SIGNATURE in (head[:8], head[512:520]):
