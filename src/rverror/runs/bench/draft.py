@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import islice, zip_longest
 
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
 from rverror.base.toml import quoted
 from rverror.runs.bench.columns import Entry
@@ -178,10 +179,7 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
         entries: Sequence[Entry] = file.entries
         values = [f"{key} = {value}" for key, value in file.properties.items()]
     else:
-        raw = read_bytes(path)
-        encoding, remark = found_encoding(raw)
-        head, entries, values = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
-        head[1:2] = [head[1], f"encoding = {quoted(encoding)}{remark}"]
+        head, entries, values = described_text(path)
     lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
@@ -206,12 +204,25 @@ def _proposed(key: str, guess: Guess, line: str) -> str:
 
 
 def _described(entry: Entry) -> str:
-    plural = "s" if entry.size != 1 else ""
-    facts = [f"{entry.size} sample{plural}"] if entry.size >= 0 and not entry.problem else []
+    facts = [count_of(entry.size, "sample")] if entry.size >= 0 and not entry.problem else []
     facts += [f"unit {entry.unit}"] if entry.unit else []
     facts += [f"every {entry.increment:g} s"] if entry.increment else []
     facts += [entry.problem] if entry.problem else []
     return " ".join(f"{quoted(entry.name)}  {', '.join(facts)}".split("\n")).rstrip()
+
+
+def described_text(path: PathLike) -> tuple[list[str], list[Entry], list[str]]:
+    """`described_lines` of a text file, with its encoding.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or no rows of numbers are found.
+    """
+    raw = read_bytes(path)
+    encoding, remark = found_encoding(raw)
+    head, entries, above = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
+    return [*head[:2], f"encoding = {quoted(encoding)}{remark}", *head[2:]], entries, above
 
 
 def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[Entry], list[str]]:
