@@ -56,14 +56,15 @@ def load(tmp_path: Path, content: str | bytes, **keywords: object) -> Run:
 
 
 def test_good_file(tmp_path: Path) -> None:
-    run = load(tmp_path, "# temperature: 20 degC\n# index: A\n# Bench: north: 2\n" + text())
+    run = load(tmp_path, "# temperature: 20 degC\n# index: A\n# Bench: north: 2\n# input_speed: slow\n" + text())
     assert run.path == str(tmp_path / "run.csv")
     assert run.size == N
     assert run.torque == pytest.approx(20e3)
     assert run.temperature == pytest.approx(293.15)
     assert run.index == "A"
     assert run.metadata == {
-        "temperature": "20 degC", "index": "A", "Bench": "north: 2", "direction": "forward", "output_torque": "20 N*m",
+        "temperature": "20 degC", "index": "A", "Bench": "north: 2", "input_speed": "slow", "direction": "forward",
+        "output_torque": "20 N*m",
     }  # fmt: skip
     assert run.notes == ()
     assert (run.direction == 1).all()
