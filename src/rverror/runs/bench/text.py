@@ -206,7 +206,7 @@ def open_lines(
     width = len(names.cells) or max(map(len, table))
     if names.cells:
         _check_widths(name, rows, table, names, complete=not wanted)
-    used = _used(names.cells, wanted, standard)
+    used = _used(name, names, wanted, standard)
     more = _ended(table, used) if facts else 0  # where other columns were sampled more often
     rows, table = rows[: len(rows) - more], table[: len(table) - more]
     decimal, decimal_note = _decimal(name, rows, table, [i for i in used if i < width], rules, names.separator)
@@ -341,7 +341,6 @@ def _found_names(
             words = " and ".join(_WORDS[names.separator] for names in split)
             refuse(path, f"line {i + 1}: {words} both separate the column names; write separator = ... in [file]")
         if split:
-            _check_twice(path, split[0], texts)
             return split[0]
     _refuse_names(path, [_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried], texts or telling)
 
@@ -364,22 +363,18 @@ def trimmed(cells: Sequence[str]) -> list[str]:
     return list(cells[: max((i + 1 for i, cell in enumerate(cells) if cell), default=0)])
 
 
-def _used(cells: Sequence[str], wanted: Sequence[str | int], standard: Sequence[str]) -> list[int]:
+def _used(path: str, names: _Names, wanted: Sequence[str | int], standard: Sequence[str]) -> list[int]:
     """Places of the columns that are read."""
     if not wanted:
-        return [i for i, cell in enumerate(cells) if bare_name(cell) in standard]
-    return [name - 1 if isinstance(name, int) else cells.index(name) for name in wanted]
-
-
-def _check_twice(path: str, names: _Names, texts: Sequence[str]) -> None:
-    for text in texts:
-        places = [i + 1 for i, cell in enumerate(names.cells) if cell == text]
+        return [i for i, cell in enumerate(names.cells) if bare_name(cell) in standard]
+    found = []
+    for name in wanted:
+        places = [name] if isinstance(name, int) else [i + 1 for i, cell in enumerate(names.cells) if cell == name]
         if len(places) > 1:
-            refuse(
-                path,
-                f"line {names.line + 1}: {shown(text)} names columns {some(places)}; write column = {places[0]} "
-                "instead of name in the mapping",
-            )
+            remedy = f"write column = {places[0]} instead of name in the mapping"
+            refuse(path, f"line {names.line + 1}: {shown(name)} names columns {some(places)}; {remedy}")
+        found.append(places[0] - 1)
+    return found
 
 
 def _refuse_names(path: str, tried: Sequence[_Names], wanted: Sequence[str]) -> NoReturn:
