@@ -85,8 +85,8 @@ class TomlText:
             yield
         except ValueError as error:
             said = str(error)
-            if said.startswith(self.path):  # by its line already
-                raise
+            if isinstance(error, InputError) and said.startswith((f"{self.path}, line ", f"{self.path}: ")):
+                raise  # by its own line
             self.refuse(place(said) if callable(place) else place, f"{what}{said}")
 
     def check_keys(self, place: KeyPath, table: Table, known: Sequence[str], what: str) -> None:

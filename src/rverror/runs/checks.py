@@ -83,8 +83,6 @@ def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
     count = int(np.count_nonzero(usable))
     if count < LEAST_SAMPLES:
         reading.refuse(f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
-    if not dropped:
-        return reading
     return _picked(reading, usable)
 
 

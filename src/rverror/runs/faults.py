@@ -346,16 +346,13 @@ def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
         return found
     steps = np.diff(found.theta)
     usual = float(np.median(steps[stretch.start : stretch.stop - 1]))
-    jumps = []
-    for slip in found.slips:
-        more = steps[slip.index - 1] - usual
-        within = 4 * slip.uncertainty + 0.02 * abs(slip.size)
-        if (
-            stretch.start < slip.index < stretch.stop
-            and abs(slip.size) > abs(usual) / 2
-            and abs(more + slip.size) < within
-        ):
-            jumps.append(slip.index)
+    jumps = [
+        slip.index
+        for slip in found.slips
+        if stretch.start < slip.index < stretch.stop
+        and abs(slip.size) > abs(usual) / 2
+        and abs(steps[slip.index - 1] - usual + slip.size) < 4 * slip.uncertainty + 0.02 * abs(slip.size)
+    ]
     if not jumps:
         return found
     first, last = max(pairwise([stretch.start, *jumps, stretch.stop]), key=lambda part: part[1] - part[0])

@@ -143,9 +143,7 @@ def _table(rows: OrderRows) -> OrderTable:
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
     conditions = [name for name in _ATTRIBUTES if name in columns]
-    usable = np.isfinite(waves)
-    for name in conditions:
-        usable &= np.isfinite(columns[name])
+    usable = np.isfinite([waves, *(columns[name] for name in conditions)]).all(axis=0)
     _note_left_out(rows, ~usable, notes)
     cases: dict[TableCondition, dict[float, int]] = {}
     doubled = []
@@ -167,16 +165,9 @@ def _table(rows: OrderRows) -> OrderTable:
         notes.append(f"{count_of(len(doubled), 'doubled row')} left out {rows.listed(doubled)}")
     made = []
     for condition, case in cases.items():
-        orders = sorted(case)
-        picked = [case[order] for order in orders]
-        made.append(
-            OrderCase(
-                condition=condition,
-                orders=np.array(orders),
-                waves=waves[picked],
-                sigma=None if sigma is None else sigma[picked],
-            )
-        )
+        picked = [case[order] for order in sorted(case)]
+        spread = None if sigma is None else sigma[picked]
+        made.append(OrderCase(condition=condition, orders=np.array(sorted(case)), waves=waves[picked], sigma=spread))
     return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 

@@ -317,11 +317,9 @@ class _Bench(Checked):
 
 
 def _torque(mechanism: Mechanism, value: Any | None, method: str) -> float | TorqueLaw | None:
-    if callable(value):
-        law: TorqueLaw = value
+    if value is None or callable(value):
+        law: TorqueLaw | None = value
         return law
-    if value is None:
-        return None
     size = _TORQUE.core("torque", value)
     doubt_torque(mechanism, value)
     if size == 0 and method != "equilibrium":

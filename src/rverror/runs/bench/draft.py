@@ -93,8 +93,7 @@ def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
     """
     found: dict[str, list[Entry]] = {key: [] for key in _SIDES}
     for entry in entries:
-        words = _words(entry.name)
-        sides = [key for key, pattern in _SIDES.items() if any(re.fullmatch(pattern, word) for word in words)]
+        sides = [key for key, pattern in _SIDES.items() if _says(re.compile(pattern), entry)]
         if len(sides) == 1 and not entry.problem and _may_be(DIMENSIONS[sides[0]], entry):
             found[sides[0]].append(entry)
     return {key: _guess(fitting, DIMENSIONS[key]) for key, fitting in found.items()}
@@ -117,9 +116,7 @@ def _words(name: str) -> list[str]:
 
 
 def _may_be(dimension: str, entry: Entry) -> bool:
-    if unit_of(entry, dimension):
-        return True
-    return not entry.unit and not _OTHER.search(entry.name.lower())
+    return bool(unit_of(entry, dimension)) or not (entry.unit or _OTHER.search(entry.name.lower()))
 
 
 def unit_of(entry: Entry, dimension: str) -> str:
