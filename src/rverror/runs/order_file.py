@@ -143,7 +143,7 @@ def _table(rows: OrderRows) -> OrderTable:
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
     conditions = [name for name in _ATTRIBUTES if name in columns]
-    usable = np.isfinite([waves, *(columns[name] for name in conditions)]).all(axis=0)
+    usable = np.isfinite(waves) & np.isfinite([columns[name] for name in conditions]).all(axis=0)
     _note_left_out(rows, ~usable, notes)
     cases: dict[TableCondition, dict[float, int]] = {}
     doubled = []

@@ -13,7 +13,6 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -52,7 +51,8 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         If h5py is not installed, or the file is damaged.
     """
     name = str(path)
-    h5py = _library(name, "h5py", "HDF5 files need h5py")
+    with _needing(name, "HDF5 files need h5py"):
+        import h5py
     found: list[tuple[Entry, str, Any]] = []
     properties: dict[str, str] = {}
 
@@ -77,9 +77,11 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
     )
 
 
-def _library(path: str, name: str, needed: str) -> Any:
+@contextmanager
+def _needing(path: str, needed: str) -> Iterator[None]:
+    """Refuse a file whose library is not installed."""
     try:
-        return import_module(name)
+        yield
     except ImportError as error:
         raise InputError(f"{path}: {needed}; install it with: pip install 'rverror[io]'") from error
 
@@ -246,13 +248,14 @@ def _channels(file: Any) -> list[Any]:
 
 @contextmanager
 def _opened(path: str) -> Iterator[Any]:
-    nptdms = _library(path, "nptdms", "TDMS files need npTDMS")
-    log = nptdms.log.log_manager
+    with _needing(path, "TDMS files need npTDMS"):
+        from nptdms import TdmsFile
+        from nptdms.log import log_manager as log
     level = log.log_level
     log.set_level(logging.CRITICAL + 1)  # what npTDMS would print of a file that is cut off, a note says
     try:
         with refused_in_one_line(path, "TDMS"), open(path, "rb") as raw:
-            yield nptdms.TdmsFile.open(raw)
+            yield TdmsFile.open(raw)
     finally:
         log.set_level(level)
 
