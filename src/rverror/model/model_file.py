@@ -317,8 +317,7 @@ def _written(value: float, dimension: str, unit: str | None = None) -> str:
         factor = units.unit_factor(name, dimension)
         for digits in range(4, 18):
             text = f"{value / factor:.{digits}g} {name}"
-            near = abs(float(text.split()[0]) * factor - value) <= 1e-15 * abs(value)
-            if near and units.parse(text, dimension) == value:
+            if units.parse(text, dimension) == value:
                 return quoted(text)
     raise InputError(f"the value {value!r} {core} cannot be written so that it reads back equal; round it")
 
