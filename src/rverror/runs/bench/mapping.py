@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rverror.base import units
+from rverror.base.directions import DIRECTIONS
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
 from rverror.base.toml import KeyPath, TomlText, is_number, is_whole, read_toml
 from rverror.runs.reading import (
@@ -452,14 +453,10 @@ def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> He
     text = toml.string(("header",), toml.table("header"), key).strip()
     if dimension:
         toml.quantity(place, text, dimension, example)
-    elif key == "direction" and text.lower() not in STATED:
-        hint = did_you_mean(text, STATED)
-        toml.refuse(place, f"direction = {shown(text)}: must be forward, reverse or mixed;{hint} without it the angles "
-                           "tell")  # fmt: skip
-    elif key == "direction" and not of_run and text.lower() == "mixed":
-        toml.refuse(
-            place, "direction = 'mixed': waves are of one direction; write forward or reverse, or name a column"
-        )
+    elif key == "direction" and text.lower() not in (known := STATED if of_run else DIRECTIONS):
+        remedy = "without it the angles tell" if of_run else "waves are of one direction: write it, or name a column"
+        must = f"must be one of {', '.join(known)};{did_you_mean(text, known)}"
+        toml.refuse(place, f"direction = {shown(text)}: {must} {remedy}")
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
     return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))
