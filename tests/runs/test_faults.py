@@ -17,7 +17,8 @@ import rverror
 from recordings import bench
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.runs.faults import FaultBounds, Faults, find_faults
+from rverror.runs.fault_bounds import FaultBounds
+from rverror.runs.faults import Faults, find_faults
 from rverror.runs.faults_as_read import NEAR
 from rverror.runs.measurement import load_run
 from rverror.runs.virtual_bench import coloured_noise, quantised

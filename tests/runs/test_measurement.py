@@ -21,7 +21,8 @@ from rverror.base.errors import InputError
 from rverror.base.text import read_text, split_lines, write_text
 from rverror.base.units import ARCSEC
 from rverror.geartrain.kinematics import motion_direction
-from rverror.runs.measurement import Run, load_run, run_from_arrays, smooth_direction, write_run
+from rverror.runs.checks import smooth_direction
+from rverror.runs.measurement import Run, load_run, run_from_arrays, write_run
 
 HEAD = "# direction: forward\n# output_torque: 20 N*m\n"
 COLUMNS = "input_angle[deg],output_angle[deg]\n"
@@ -55,14 +56,15 @@ def load(tmp_path: Path, content: str | bytes, **keywords: object) -> Run:
 
 
 def test_good_file(tmp_path: Path) -> None:
-    run = load(tmp_path, "# temperature: 20 degC\n# index: A\n# Bench: north: 2\n" + text())
+    run = load(tmp_path, "# temperature: 20 degC\n# index: A\n# Bench: north: 2\n# input_speed: slow\n" + text())
     assert run.path == str(tmp_path / "run.csv")
     assert run.size == N
     assert run.torque == pytest.approx(20e3)
     assert run.temperature == pytest.approx(293.15)
     assert run.index == "A"
     assert run.metadata == {
-        "temperature": "20 degC", "index": "A", "Bench": "north: 2", "direction": "forward", "output_torque": "20 N*m",
+        "temperature": "20 degC", "index": "A", "Bench": "north: 2", "input_speed": "slow", "direction": "forward",
+        "output_torque": "20 N*m",
     }  # fmt: skip
     assert run.notes == ()
     assert (run.direction == 1).all()

@@ -341,10 +341,11 @@ def test_what_is_wrong_is_named(tmp_path: Path, before: str, after: str, says: s
     assert "\n" not in str(caught.value)
 
 
-def test_a_wrong_cell_of_a_table_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("cell", ["cams 3", "cams: 3 upside", "cams: few"])
+def test_a_wrong_cell_of_a_table_is_named(tmp_path: Path, cell: str) -> None:
     path = tmp_path / "t.csv"
-    path.write_text(TABLE.replace("cams: 3 opposite", "cams 3"), encoding="utf-8")
-    with pytest.raises(InputError, match="line 4: fit is 'cams 3'; write it like 'bores: 3'"):
+    path.write_text(TABLE.replace("cams: 3 opposite", cell), encoding="utf-8")
+    with pytest.raises(InputError, match=f"line 4: fit is '{cell}'; write it like 'bores: 3'"):
         load_tolerances(path)
 
 

@@ -285,6 +285,7 @@ def test_what_is_wrong_is_named_with_its_line(written, text: str, said: str) -> 
         load_tolerances(path, UNIT)
     message = str(caught.value)
     assert message.startswith(str(path))
+    assert message.count(str(path)) == 1
     assert "\n" not in message
     assert re.search(said, message), message
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
@@ -16,6 +17,32 @@ FORMER_UNTIL = "2.0.0"
 
 class InputError(ValueError):
     """Input that cannot be used, in one line: what, where, the bound, the remedy."""
+
+
+@contextmanager
+def refusing(before: str, after: str = "") -> Iterator[None]:
+    """Refuse by an `InputError` what is refused inside by a ValueError.
+
+    Parameters
+    ----------
+    before, after : str
+        Said around its message.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> with refusing("run.csv: ", "; correct it"):
+    ...     float("x")
+    Traceback (most recent call last):
+    rverror.base.errors.InputError: run.csv: could not convert string to float: 'x'; correct it
+    """
+    try:
+        yield
+    except ValueError as problem:
+        raise InputError(f"{before}{problem}{after}") from problem
 
 
 def warn_former(former: str, now: str) -> None:

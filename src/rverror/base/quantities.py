@@ -11,7 +11,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 
 COUNT = "count"  # in place of a dimension: a whole number
 
@@ -46,14 +46,14 @@ class NumberField:
 
         Raises
         ------
-        ValueError
+        InputError
             If it is out of bounds, in a line that begins with the name.
         """
         if self.dimension == COUNT and (isinstance(value, bool) or not isinstance(value, int)):
-            raise ValueError(f"{name} = {value!r}: must be a whole number, {self._bounds()}")
+            raise InputError(f"{name} = {value!r}: must be a whole number, {self._bounds()}")
         size: float = value if self.dimension == COUNT else units.named_core(name, value, self.dimension)
         if not (self.least <= size <= self.most and size > self.above):
-            raise ValueError(f"{name} = {self._shown(size)}: must be {self._bounds()}{self.remedy}")
+            raise InputError(f"{name} = {self._shown(size)}: must be {self._bounds()}{self.remedy}")
         return size
 
     def _shown(self, size: float) -> str:
@@ -120,13 +120,11 @@ def row(name: str, values: Any, dimension: str) -> Array:
     InputError
         If they are no row, or have no such unit.
     """
-    try:
+    with refusing(f"{name}: "):
         if isinstance(values, Sequence) and not isinstance(values, str):
             found = np.array([units.to_core(one, dimension) for one in values], dtype=np.float64)
         else:
             found = np.atleast_1d(units.to_core_array(values, dimension))
-    except ValueError as error:
-        raise InputError(f"{name}: {error}") from error
     if found.ndim != 1 or not found.size:
         raise InputError(f"{name}: the shape is {found.shape}; give a row")
     return found

@@ -30,13 +30,17 @@ def read_bytes(path: PathLike) -> bytes:
         raise InputError(f"{path}: {_reason(error, 'read')}") from error
 
 
-def read_text(path: PathLike, *, otherwise: str = "") -> str:
-    """Read a UTF-8 text file, with or without a byte-order mark; line ends stay as they are.
+def file_head(path: PathLike, size: int) -> bytes:
+    """Beginning of a file; empty where it cannot be read: whoever reads it whole says why."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(size)
+    except (OSError, ValueError):
+        return b""
 
-    Parameters
-    ----------
-    otherwise : str
-        Another remedy than UTF-8, for the end of messages.
+
+def read_text(path: PathLike) -> str:
+    """Read a UTF-8 text file, with or without a byte-order mark; line ends stay as they are.
 
     Raises
     ------
@@ -45,7 +49,7 @@ def read_text(path: PathLike, *, otherwise: str = "") -> str:
     """
     raw = read_bytes(path)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8{otherwise}")
+        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8")
     if b"\0" in raw:
         raise InputError(f"{path}: this is no text file (it holds zero bytes); give a text file in UTF-8")
     try:
@@ -53,7 +57,7 @@ def read_text(path: PathLike, *, otherwise: str = "") -> str:
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(
-            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8{otherwise}"
+            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8"
         ) from error
 
 

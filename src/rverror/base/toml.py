@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from rverror.base import units
 from rverror.base.errors import InputError
@@ -25,6 +26,7 @@ EXAMPLES = {
 
 #: Keys from the outermost table inwards, with the number of the entry after the name of an array of tables.
 KeyPath = tuple[str | int, ...]
+Table = Mapping[str, Any]
 
 _BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
 _TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
@@ -64,7 +66,30 @@ class TomlText:
         line = f", line {self.lines[place]}" if place else ""
         raise InputError(f"{self.path}{line}: {message}")
 
-    def check_keys(self, place: KeyPath, table: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    @contextmanager
+    def refusing(self, place: KeyPath | Callable[[str], KeyPath], what: str = "") -> Iterator[None]:
+        """Refuse with its line what is refused inside by a ValueError.
+
+        Parameters
+        ----------
+        place : tuple or callable
+            Of what is at fault, or what finds that by the message.
+        what : str
+            Said before the message.
+
+        Raises
+        ------
+        InputError
+        """
+        try:
+            yield
+        except ValueError as error:
+            said = str(error)
+            if isinstance(error, InputError) and said.startswith((f"{self.path}, line ", f"{self.path}: ")):
+                raise  # by its own line
+            self.refuse(place(said) if callable(place) else place, f"{what}{said}")
+
+    def check_keys(self, place: KeyPath, table: Table, known: Sequence[str], what: str) -> None:
         """Refuse the first key of a table that is not known.
 
         Parameters
@@ -87,26 +112,74 @@ class TomlText:
                 hint = did_you_mean(key, known)
                 self.refuse((*place, key), f"unknown {what} {shown(key)};{hint} the keys are {', '.join(known)}")
 
-    def string(self, place: KeyPath, table: Mapping[str, Any], key: str, default: str) -> str:
-        """Text of a key.
+    def table(self, *place: str) -> dict[str, Any]:
+        """Content of a table; empty where there is none.
+
+        Raises
+        ------
+        InputError
+            If something else stands there.
+        """
+        found: Any = self.content
+        for depth, key in enumerate(place, 1):
+            found = found.get(key, {})
+            if not isinstance(found, dict):
+                remedy = f"write '[{'.'.join(place[:depth])}]' and keys below it"
+                self.refuse(place[:depth], f"{key} = {shown(found)} is no table; {remedy}")
+        return cast("dict[str, Any]", found)
+
+    def tables(self, name: str) -> list[tuple[KeyPath, dict[str, Any]]]:
+        """Places and contents of an array of tables; empty where there is none.
+
+        Raises
+        ------
+        InputError
+            If something else stands there.
+        """
+        listed = self.content.get(name, [])
+        if not isinstance(listed, list):
+            self.refuse((name,), f"{name} is a single table; write '[[{name}]]', with two brackets, above each {name}")
+        for i, item in enumerate(listed):
+            if not isinstance(item, dict):
+                remedy = f"write each {name} below '[[{name}]]'"
+                self.refuse((name, i), f"{name} holds {shown(item)}, which is no table; {remedy}")
+        return [((name, i), item) for i, item in enumerate(listed)]
+
+    def checked(
+        self, place: KeyPath, table: Table, key: str, fits: Callable[[Any], bool], must: str, default: Any = None
+    ) -> Any:
+        """Value of a key, which has to fit.
 
         Parameters
         ----------
         place : tuple
             Of the table.
         table : mapping
-        default : str
+        fits : callable
+            Tells whether a value is of its kind and within its bounds.
+        must : str
+            What it must be, and the remedy, for the message.
+        default
             What a table without the key gets.
+
+        Raises
+        ------
+        InputError
+            If the value does not fit.
+        """
+        if key in table and not fits(table[key]):
+            self.refuse((*place, key), f"{key} = {shown(table[key])}: must be {must}")
+        return table.get(key, default)
+
+    def string(self, place: KeyPath, table: Table, key: str, default: str = "") -> str:
+        """Text of a key; parameters as of `checked`.
 
         Raises
         ------
         InputError
             If the value is no text.
         """
-        value = table.get(key, default)
-        if not isinstance(value, str):
-            self.refuse((*place, key), f'{key} = {shown(value)}: must be a text; write {key} = "..." with quotes')
-        return value
+        return cast(str, self.checked(place, table, key, is_text, f'a text; write {key} = "..." with quotes', default))
 
     def quantity(self, place: KeyPath, value: object, dimension: str, example: str) -> float:
         """Value written as a text with a unit.
@@ -120,7 +193,7 @@ class TomlText:
             If there is no number, no unit, one of another dimension, or an uncertainty is below 0.
         """
         key = place[-1]
-        if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+        if not (is_text(value) or is_number(value)):
             self.refuse(place, f"{key} = {shown(value)}: must be a text with a unit; write '{example}'")
         if not isinstance(value, str):
             if dimension != "slope":
@@ -134,6 +207,21 @@ class TomlText:
         if key == "uncertainty" and number < 0:
             self.refuse(place, f"uncertainty = {shown(value)}: must be 0 or more; write it like '{example}'")
         return number
+
+
+def is_text(value: object) -> bool:
+    """Tell a text."""
+    return isinstance(value, str)
+
+
+def is_number(value: object) -> bool:
+    """Tell a number, which true and false are not."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def is_whole(value: object) -> bool:
+    """Tell a whole number."""
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def read_toml(path: str, text: str) -> TomlText:

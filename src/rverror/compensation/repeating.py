@@ -11,7 +11,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.chance import student
-from rverror.base.errors import InputError
+from rverror.base.errors import refusing
 from rverror.base.numbers import way
 from rverror.base.units import ARCSEC
 from rverror.compensation.correction import waves_at
@@ -174,10 +174,8 @@ def records_of(run: Run, model: Model, predicts: Foretells, notes: list[str]) ->
         at = np.concatenate([np.arange(part.start, part.stop) for part in passes])
         label = np.repeat(np.arange(len(passes)), [part.stop - part.start for part in passes])
         if len(passes) == 1:
-            try:
+            with refusing(f"{name}: "):
                 faults = find_faults(theta[at], error[at])
-            except ValueError as problem:
-                raise InputError(f"{name}: {problem}") from problem
             notes += [f"{name}: {note}" for note in faults.notes()]
             at, label = at[faults.kept], label[faults.kept]
             if 1 - 1e-9 <= turns < 2 - 1e-9:

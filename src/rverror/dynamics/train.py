@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.geartrain.kinematics import frame_orders
 from rverror.geartrain.mechanism import OUTPUTS, Inertia, Reducer, core_torque
 from rverror.model.effects import Model
@@ -122,10 +122,8 @@ def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
         torque = unit.rated_torque
     if torque is None:
         raise InputError(f"torque: reducer {unit.name!r} has no rated_torque; give one of them, e.g. torque='20 N*m'")
-    try:
+    with refusing(""):
         size = core_torque(unit, torque)
-    except ValueError as error:
-        raise InputError(str(error)) from error
     if size < 0:
         raise InputError(f"torque = {size / 1e3:g} N*m: must be 0 or more; the direction comes from the motion")
     return unit, size

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array, Integers
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError, check_each, refusing
 from rverror.base.numbers import count_of
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
@@ -257,10 +257,8 @@ def _check_parts(reducer: Reducer, parts: Sequence[MeasuredPart]) -> None:
         most = reducer.discs - 1 if part.kind == "disc" else 0
         if not 0 <= part.made_for <= most:
             raise InputError(f"{part.kind} {part.serial}: made_for = {part.made_for}: must be from 0 to {most}")
-        try:
+        with refusing(f"{part.kind} {part.serial}: "):
             Model(reducer, errors)
-        except ValueError as problem:
-            raise InputError(f"{part.kind} {part.serial}: {problem}") from problem
 
 
 # --- the work ---------------------------------------------------------------------------------------------------------

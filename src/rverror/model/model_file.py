@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar, cast
 
 from rverror.base import units
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
-from rverror.base.toml import EXAMPLES, KeyPath, TomlText, quoted, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
 from rverror.geartrain.mechanism import (
     BearingPreload,
     ContactLaw,
@@ -27,7 +27,7 @@ from rverror.geartrain.mechanism import (
     presets,
     reducer,
 )
-from rverror.geartrain.source import Parameter
+from rverror.geartrain.source import Parameter, Source
 from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.ends import Bench, Encoders
@@ -145,21 +145,16 @@ def append_effects(
     """
     text = read_text(source_path)
     before = _model(str(source_path), text)
-    try:
+    with refusing(f"{source_path}: the effect cannot be added: "):
         wanted = before.with_effects(*effects)
-    except ValueError as error:
-        raise InputError(f"{source_path}: the effect cannot be added: {error}") from error
     added = "\n".join(f"\n{_effect_text(item)}" for item in effects) + "\n" if effects else ""
     newline = "\r\n" if "\r\n" in text else "\n"
     if added and not text.endswith("\n"):
         text += newline
     text += added.replace("\n", newline)
-    try:
+    remedy = "write its effects as [[effect]] tables too"
+    with refusing(f"{source_path}: no [[effect]] table can be appended; {remedy} (", ")"):
         after = _model(str(target_path), text)
-    except InputError as error:
-        raise InputError(
-            f"{source_path}: no [[effect]] table can be appended; write its effects as [[effect]] tables too ({error})"
-        ) from error
     _check_equal(str(target_path), after, wanted)
     write_text(target_path, text, overwrite=overwrite)
 
@@ -179,145 +174,126 @@ def _model(path: str, text: str) -> Model:
     where = read_toml(path, text)
     content = where.content
     where.check_keys((), content, ("name", "reducer", "drive", "bench", "effect"), "top-level key")
-    name = where.string((), content, "name", "")
+    name = where.string((), content, "name")
     kinds = [kind for kind in ("reducer", "drive") if kind in content]
     if len(kinds) != 1:
         problem = "both [reducer] and [drive]" if kinds else "neither [reducer] nor [drive]"
         where.refuse(("drive",) if kinds else (), f"the model has {problem}; it takes exactly one of them")
-    table = _table(where, (kinds[0],), content[kinds[0]])
-    mechanism: Mechanism = _reducer(where, table) if kinds == ["reducer"] else _drive(where, table)
-    listed = content.get("effect", [])
-    if not isinstance(listed, list):
-        where.refuse(("effect",), "effect is a single table; write '[[effect]]', with two brackets, above each effect")
-    effects = tuple(_effect(where, ("effect", i), item, mechanism) for i, item in enumerate(listed))
-    hanging = dict(_table(where, ("bench",), content.get("bench", {})))
-    where.check_keys(("bench",), hanging, [*quantities(Bench), "encoders"], "key of [bench]")
-    read_with = hanging.pop("encoders", {})
-    encoders = _made(where, ("bench", "encoders"), read_with, Encoders)
+    mechanism: Mechanism = _reducer(where) if kinds == ["reducer"] else _drive(where)
+    effects = tuple(_effect(where, place, table, mechanism) for place, table in where.tables("effect"))
+    ends = _made(where, ("bench",), Bench, tables=("encoders",))
+    encoders = _made(where, ("bench", "encoders"), Encoders)
+    hanging = [key for key in where.table("bench") if key != "encoders"]
     if isinstance(mechanism, Drive) and hanging:
         where.refuse(
-            ("bench", next(iter(hanging))),
+            ("bench", hanging[0]),
             "[bench] is for the dynamics of a [reducer]; take it out of a model with [drive], all but [bench.encoders]",
         )
-    ends = _made(where, ("bench",), hanging, Bench)
-    try:
+    with where.refusing(()):
         return Model(mechanism, effects, name, ends, encoders)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
-def _table(where: TomlText, place: KeyPath, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        where.refuse(place, f"{place[-1]} = {shown(value)} is no table; write '[{'.'.join(map(str, place))}]'")
-    return value
-
-
-def _reducer(where: TomlText, table: dict[str, Any]) -> Reducer:
-    place = ("reducer",)
+def _reducer(where: TomlText) -> Reducer:
+    place, table = ("reducer",), where.table("reducer")
     known = ("preset", "name", "output", *_SIZES, *_TABLES)
     where.check_keys(place, table, known, "key of [reducer]")
     preset, own = None, {}
     if "preset" in table:
-        preset = where.string(place, table, "preset", "")
-        try:
+        preset = where.string(place, table, "preset")
+        with where.refusing((*place, "preset")):
             own = preset_parameters(preset)
-        except ValueError as error:
-            where.refuse((*place, "preset"), str(error))
     values: dict[str, Any] = {}
-    for key, value in table.items():
-        at = (*place, key)
+    for key in table:
         if key in _SIZES:
-            values[key] = _size(where, at, value, _SIZES[key])
+            values[key] = _size(where, place, table, key, _SIZES[key])
         elif key in _TABLES:
             # what the table leaves out is the preset's own, not that of any unit
-            base = own.get(key, _TABLES[key]())
-            values[key] = _made(where, at, value, _TABLES[key], base)
+            values[key] = _made(where, (*place, key), _TABLES[key], own.get(key, _TABLES[key]()))
         elif key != "preset":
-            values[key] = where.string(place, table, key, "")
-    try:
+            values[key] = where.string(place, table, key)
+    with where.refusing(lambda said: _first_word(place, said)):
         return reducer(preset, **values)
-    except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _made(where: TomlText, place: KeyPath, value: object, kind: type[C], base: C | None = None) -> C:
-    """What a table of quantities describes; what it leaves out is that of a base."""
-    table, known = _table(where, place, value), quantities(kind)
-    where.check_keys(place, table, list(known), f"key of [{'.'.join(map(str, place))}]")
-    given = {key: _size(where, (*place, key), item, known[key]) for key, item in table.items()}
-    try:
+def _made(
+    where: TomlText, place: tuple[str, ...], kind: type[C], base: C | None = None, *, tables: tuple[str, ...] = ()
+) -> C:
+    """What a table of quantities describes; what it leaves out is that of a base, and tables within it are others'."""
+    table, known = where.table(*place), quantities(kind)
+    where.check_keys(place, table, (*known, *tables), f"key of [{'.'.join(place)}]")
+    given = {key: _size(where, place, table, key, known[key]) for key in table if key in known}
+    with where.refusing(lambda said: _first_word(place, said)):
         return kind(**given) if base is None else dataclasses.replace(base, **given)
-    except ValueError as error:
-        where.refuse(_first_word(where, place, str(error)), str(error))
 
 
-def _size(where: TomlText, place: KeyPath, value: Any, what: NumberField) -> float:
+def _size(where: TomlText, place: KeyPath, table: Mapping[str, Any], key: str, what: NumberField) -> float:
     """Value of a quantity: a text with a unit, a whole number, or a bare number or percentage."""
     if what.dimension not in (COUNT, "number"):
-        return where.quantity(place, value, what.dimension, what.example)
-    wanted = "a bare number"
-    kinds: tuple[type, ...] = (int, float)
-    if what.dimension == COUNT:
-        wanted, kinds = "a whole number", (int,)
-    elif "%" in what.example:
+        return where.quantity((*place, key), table[key], what.dimension, what.example)
+    fits, wanted = (is_whole, "a whole number") if what.dimension == COUNT else (is_number, "a bare number")
+    if "%" in what.example:
         wanted = "a number or a percentage"
-        if isinstance(value, str) and (match := _PERCENT.fullmatch(value.strip())):
+        if is_text(table[key]) and (match := _PERCENT.fullmatch(table[key].strip())):
             return float(match[1]) / 100
-    if isinstance(value, bool) or not isinstance(value, kinds):
-        name = place[-1]
-        where.refuse(place, f"{name} = {shown(value)}: must be {wanted}; write it like {name} = {what.example}")
-    return cast(float, value)
+    return cast(float, where.checked(place, table, key, fits, f"{wanted}; write it like {key} = {what.example}"))
 
 
-def _first_word(where: TomlText, place: KeyPath, message: str) -> KeyPath:
+def _first_word(place: KeyPath, message: str) -> KeyPath:
     """Place of the key that a message of the geometry check begins with."""
     return (*place, *re.split(r"[ :]", message, maxsplit=1)[:1])
 
 
-def _drive(where: TomlText, table: dict[str, Any]) -> Drive:
-    place = ("drive",)
+def _drive(where: TomlText) -> Drive:
+    place, table = ("drive",), where.table("drive")
     where.check_keys(place, table, ("ratio", "name", "shafts"), "key of [drive]")
     if "ratio" not in table:
         where.refuse(place, "[drive] lacks ratio; write the input turns per output turn, like ratio = -14.0")
-    shafts = _table(where, (*place, "shafts"), table.get("shafts", {}))
-    named = {"name": where.string(place, table, "name", "")} if "name" in table else {}
-    try:
+    shafts = where.table("drive", "shafts")
+    named = {"name": where.string(place, table, "name")} if "name" in table else {}
+
+    def blamed(said: str) -> KeyPath:
+        return next(((*place, "shafts", name) for name in shafts if said.startswith(f"{name} = ")), (*place, "ratio"))
+
+    with where.refusing(blamed):
         return Drive(ratio=table["ratio"], shafts=shafts, **named)
-    except ValueError as error:
-        wrong = next((name for name in shafts if str(error).startswith(f"{name} = ")), None)
-        where.refuse((*place, "ratio") if wrong is None else (*place, "shafts", wrong), str(error))
 
 
-def _effect(where: TomlText, place: KeyPath, value: object, mechanism: Mechanism) -> Effect:
-    if not isinstance(value, dict):
-        where.refuse(place, f"effect holds {shown(value)}, which is no table; write each effect below '[[effect]]'")
-    table: dict[str, Any] = value
+def source_of(where: TomlText, place: KeyPath, table: Mapping[str, Any]) -> Source:
+    """Error source that a table of an array names by its key.
+
+    Raises
+    ------
+    InputError
+        If there is no key, or none of the catalogue.
+    """
     if "key" not in table:
-        where.refuse(place, '[[effect]] lacks key; write key = "crank.eccentricity", or another key of the catalogue')
-    key = where.string(place, table, "key", "")
+        example = 'key = "crank.eccentricity", or another key of the catalogue'
+        where.refuse(place, f"[[{place[0]}]] lacks key; write {example}")
+    key = where.string(place, table, "key")
     if key not in CATALOGUE:
-        hint = did_you_mean(key, list(CATALOGUE))
+        hint = did_you_mean(key, CATALOGUE)
         where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
-    entry = source(key)
-    parameters = {item.name: item for item in entry.parameters}
+    return source(key)
+
+
+def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism: Mechanism) -> Effect:
+    entry = source_of(where, place, table)
+    key = entry.key
+    sizes = {item.name: item.dimension for item in entry.parameters} | {"uncertainty": entry.parameters[0].dimension}
     indices = [item.name for item in entry.indices]
-    where.check_keys(place, table, ("key", *indices, *parameters, "uncertainty", "origin"), f"key of {key}")
-    named: dict[str, Any] = {}
-    for name, item in table.items():
-        at = (*place, name)
-        if name in parameters or name == "uncertainty":
-            dimension = parameters.get(name, entry.parameters[0]).dimension
-            where.quantity(at, item, dimension, _example(name, dimension))
-            named[name] = item
-        elif name in indices:
-            named[name] = item
-    named["origin"] = where.string(place, table, "origin", "")
-    try:
+    where.check_keys(place, table, ("key", *indices, *sizes, "origin"), f"key of {key}")
+    for name in table:
+        if name in sizes:
+            where.quantity((*place, name), table[name], sizes[name], _example(name, sizes[name]))
+    where.string(place, table, "origin")
+    named = {name: item for name, item in table.items() if name != "key"}
+
+    def blamed(said: str) -> KeyPath:
+        return (*place, next((n for n in (*indices, "uncertainty") if re.search(rf"\b{n}\b( = |:)", said)), "key"))
+
+    with where.refusing(blamed):
         entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
         return effect(key, **named)
-    except ValueError as error:
-        blamed = next((n for n in (*indices, "uncertainty") if re.search(rf"\b{n}\b( = |:)", str(error))), "key")
-        where.refuse((*place, blamed), str(error))
 
 
 def _example(name: str, dimension: str) -> str:
@@ -341,8 +317,7 @@ def _written(value: float, dimension: str, unit: str | None = None) -> str:
         factor = units.unit_factor(name, dimension)
         for digits in range(4, 18):
             text = f"{value / factor:.{digits}g} {name}"
-            near = abs(float(text.split()[0]) * factor - value) <= 1e-15 * abs(value)
-            if near and units.parse(text, dimension) == value:
+            if units.parse(text, dimension) == value:
                 return quoted(text)
     raise InputError(f"the value {value!r} {core} cannot be written so that it reads back equal; round it")
 

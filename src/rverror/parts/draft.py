@@ -6,16 +6,16 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rverror.base.text import PathLike, read_bytes, shown, split_lines
+from rverror.base.text import PathLike, shown
 from rverror.base.toml import quoted
 from rverror.parts.aqdef import SUFFIXES, open_aqdef
 from rverror.parts.mapping import DATUMS, FEATURES
 from rverror.parts.measured import KINDS
 from rverror.parts.reading import SHEETS, check_no_xml, sheet_lines
 from rverror.runs.bench.columns import Entry
-from rverror.runs.bench.draft import described_lines, found_encoding
+from rverror.runs.bench.draft import described_lines, described_text
 from rverror.runs.bench.mapping import meant_unit
-from rverror.runs.bench.text import decoded, unit_in_name
+from rverror.runs.bench.text import unit_in_name
 
 #: What a column may be, by the words of its name in lower case, without its unit.
 _WORDS = {
@@ -55,9 +55,7 @@ def draft_parts_mapping(path: PathLike) -> str:
     elif suffix in SHEETS:
         entries = described_lines(name, sheet_lines(path))[1]
     else:
-        encoding, remark = found_encoding(read_bytes(path))
-        head, entries, _ = described_lines(name, split_lines(decoded(name, read_bytes(path), encoding)))
-        head.insert(2, f"encoding = {quoted(encoding)}{remark}")
+        head, entries, _ = described_text(path)
     found: dict[str, Entry] = {}
     for entry in entries:
         word = re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", entry.name).strip().lower()

@@ -9,11 +9,11 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
-from rverror.base.toml import KeyPath, TomlText, read_toml
+from rverror.base.toml import KeyPath, TomlText, is_number, is_whole, read_toml
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.parts.measured import KINDS
-from rverror.runs.bench.mapping import ColumnRule, TextRules, Where, column_table, scaled_rule, text_rules
+from rverror.runs.bench.mapping import ColumnRule, TextRules, Where, column_table, is_sign, scaled_rule, text_rules
 
 _COLUMN = ("name", "column", "unit", "sign", "scale", "nominal", "uncertainty")
 #: Nominal value that the file states with the column.
@@ -144,7 +144,7 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
     toml.check_keys(
         (), content, ("name", "kind", "serial", "count", "file", "error", *FEATURES), "key of a mapping of parts"
     )
-    kind = toml.string((), content, "kind", "")
+    kind = toml.string((), content, "kind")
     if kind not in KINDS:
         hint = did_you_mean(kind, KINDS)
         toml.refuse(("kind",), f"kind = {shown(kind)}: must be one of {', '.join(KINDS)};{hint} correct it")
@@ -153,24 +153,20 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
         listed = ", ".join(f"[{name}]" for name in FEATURES)
         toml.refuse(tuple(given[-1:]), "a mapping has [[error]] tables, where each row is a part, or one of "
                     f"{listed}, where each row is a reading; give one of them")  # fmt: skip
-    file, errors = content.get("file", {}), content.get("error", [])
-    if not isinstance(file, dict) or not isinstance(errors, list):
-        toml.refuse(tuple(given), "write [file], and [[error]] with two brackets above each error")
-    toml.check_keys(("file",), file, ("encoding", "separator", "decimal", "skip"), "key of [file]")
+    toml.check_keys(("file",), toml.table("file"), ("encoding", "separator", "decimal", "skip"), "key of [file]")
     if "count" in content and kind != "roller":
         toml.refuse(("count",), f"count: only rollers come in classes, not a {kind}; leave it out")
     named: dict[str, Where | None] = dict.fromkeys(("serial", "count"))
     for name in named.keys() & content.keys():
         table = column_table(toml, (name,), content[name], 'name = "..."', ("name", "column"))
         named[name] = scaled_rule(toml, (name,), table, 'name = "..."', "").where
-    features = (_feature(toml, given[0], content[given[0]], kind),) if given != ["error"] else ()
-    groups = features or tuple(_error(toml, ("error", i), item, kind) for i, item in enumerate(errors))
-    return PartsMapping(path=str(path), kind=kind, text=text_rules(toml, file), groups=groups, **named)
+    features = (_feature(toml, given[0], kind),) if given != ["error"] else ()
+    groups = features or tuple(_error(toml, place, table, kind) for place, table in toml.tables("error"))
+    return PartsMapping(path=str(path), kind=kind, text=text_rules(toml), groups=groups, **named)
 
 
-def _error(toml: TomlText, place: KeyPath, value: object, kind: str) -> ErrorColumns:
-    table = value if isinstance(value, dict) else {}
-    key = toml.string(place, table, "key", "")
+def _error(toml: TomlText, place: KeyPath, table: Mapping[str, Any], kind: str) -> ErrorColumns:
+    key = toml.string(place, table, "key")
     frame, counted = KINDS[kind]
     fitting = {
         entry.key: names
@@ -201,9 +197,10 @@ def _column(toml: TomlText, place: KeyPath, value: object, dimension: str) -> Pa
     unit = units.DISPLAY_UNITS[dimension] if dimension else ""
     example = 'name = "..."' + (f', unit = "{unit}"' if unit else "")
     table = dict(column_table(toml, place, value, example, _COLUMN if dimension else _COLUMN[:2]))
-    scale, nominal, sigma = table.pop("scale", 1), table.pop("nominal", None), table.pop("uncertainty", None)
-    if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e6:
-        toml.refuse((*place, "scale"), f"scale = {shown(scale)}: must be a number above 0; write 0.5 for a diameter")
+    must = "a number above 0; write 0.5 for a diameter"
+    scale = toml.checked(place, table, "scale", lambda number: is_number(number) and 0 < number < 1e6, must, 1)
+    nominal, sigma = table.pop("nominal", None), table.pop("uncertainty", None)
+    table.pop("scale", None)
     if nominal is not None and nominal != _OF_FILE:
         nominal = toml.quantity((*place, "nominal"), nominal, dimension, "30 deg" if dimension == "angle" else "6 mm")
     if sigma is not None:
@@ -213,9 +210,9 @@ def _column(toml: TomlText, place: KeyPath, value: object, dimension: str) -> Pa
     return PartColumn(rule=rule, dimension=dimension, scale=float(scale), nominal=expected, sigma=sigma)
 
 
-def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
+def _feature(toml: TomlText, name: str, kind: str) -> Feature:
     dimensions, needed, kinds, more = FEATURES[name]
-    table: dict[str, Any] = value if isinstance(value, dict) else {}
+    table = toml.table(name)
     if kind not in kinds:
         toml.refuse((name,), f"[{name}] is of a {' or '.join(kinds)}, not of a {kind}; correct kind")
     toml.check_keys((name,), table, (*dimensions, *more), f"key of [{name}]")
@@ -225,7 +222,7 @@ def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
             toml.refuse(
                 (name,), f"[{name}] {'has both' if given else 'lacks'} {' and '.join(given or group)}; give one"
             )
-    datum = toml.string((name,), table, "datum", "")
+    datum = toml.string((name,), table, "datum")
     if datum not in DATUMS.get(name, ("",)):
         known = ", ".join(map(repr, DATUMS[name]))
         toml.refuse((name, "datum"), f"datum = {shown(datum)}: must be one of {known}; say what the axes are")
@@ -233,15 +230,13 @@ def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
     for key, fits in (("diameter", pins), ("harmonics", pins), ("runout", kind != "disc")):
         if key in table and not fits:
             toml.refuse((name, key), f"{key}: it makes no error of a {kind}; leave it out")
-    if table.get("sense", 1) not in (1, -1):
-        toml.refuse((name, "sense"), f"sense = {shown(table['sense'])}: must be 1, or -1 where teeth count clockwise")
     return Feature(
         name=name,
         columns={key: _column(toml, (name, key), table[key], dimensions[key]) for key in dimensions if key in table},
         datum=datum,
         common=abs(toml.quantity((name, "common"), table.get("common", "0 um"), "length", "0.3 um")),
         zero=toml.quantity((name, "zero"), table.get("zero", "0 deg"), "angle", "0 deg"),
-        sense=table.get("sense", 1),
+        sense=toml.checked((name,), table, "sense", is_sign, "1, or -1 where teeth count clockwise", 1),
         harmonics=_whole(toml, name, table, "harmonics", _HARMONICS.get(name, 0)),
         lobe_harmonics=_whole(toml, name, table, "lobe_harmonics", _LOBE_HARMONICS),
         place=_whole(toml, name, table, "place", 0) if "place" in table else None,
@@ -249,7 +244,6 @@ def _feature(toml: TomlText, name: str, value: object, kind: str) -> Feature:
 
 
 def _whole(toml: TomlText, name: str, table: Mapping[str, Any], key: str, default: int) -> int:
-    value = table.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _MOST_HARMONICS:
-        toml.refuse((name, key), f"{key} = {shown(value)}: must be a whole number, 0 to {_MOST_HARMONICS}")
-    return value
+    must = f"a whole number, 0 to {_MOST_HARMONICS}"
+    found: int = toml.checked((name,), table, key, lambda n: is_whole(n) and 0 <= n <= _MOST_HARMONICS, must, default)
+    return found

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_text
 from rverror.base.units import CORE_UNITS
 from rverror.geartrain.mechanism import Mechanism
@@ -60,8 +60,8 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         If a kind is unknown, a serial number is missing, an error is no error of such a part of the mechanism, or a
         part has the same error twice.
     """
-    parts: dict[tuple[str, str], dict[str, Finding]] = {}
-    origins: dict[tuple[str, str], dict[str, None]] = {}
+    parts: dict[tuple[str, str], list[Finding]] = {}
+    given: dict[tuple[str, str, str], Finding] = {}
     checked: set[tuple[str, str]] = set()
     for one in findings:
         if one.kind not in KINDS:
@@ -69,25 +69,24 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
             raise InputError(f"{one.where}: kind {shown(one.kind)} is none of {', '.join(KINDS)};{hint} correct it")
         if not one.serial:
             raise InputError(f"{one.where}: no serial number; give every {one.kind} one")
-        given = parts.setdefault((one.kind, one.serial), {})
-        origins.setdefault((one.kind, one.serial), {}).setdefault(one.origin)
+        parts.setdefault((one.kind, one.serial), []).append(one)
         if one.error is None:
             continue
         name = describe(one.error.key, one.error.indices)
-        if name in given:
+        before = given.setdefault((one.kind, one.serial, name), one)
+        if before is not one:
             raise InputError(f"{one.where}: {one.kind} {shown(one.serial)} has {name} already, from "
-                             f"{given[name].where}; keep one, or correct the serial number")  # fmt: skip
+                             f"{before.where}; keep one, or correct the serial number")  # fmt: skip
         if (one.kind, name) not in checked:
             _check(one, one.error, mechanism)
             checked |= {(one.kind, name)}
-        given[name] = one
     return tuple(
         MeasuredPart(
             *part,
-            tuple(one.error for one in own.values() if one.error),
-            "; ".join(filter(None, origins[part])),
-            max((one.made_for for one in own.values()), default=0),
-            max((one.count for one in own.values()), default=1),
+            tuple(one.error for one in own if one.error),
+            "; ".join(filter(None, dict.fromkeys(one.origin for one in own))),
+            max(one.made_for for one in own),
+            max(one.count for one in own),
         )
         for part, own in parts.items()
     )
@@ -96,11 +95,9 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
 def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
     """Refuse what is no error of such a part of the mechanism."""
     entry = source(error.key)
-    try:
+    with refusing(f"{one.where}: ", "; correct it"):
         MeasuredPart(one.kind, one.serial, (error,))
         entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
-    except ValueError as problem:
-        raise InputError(f"{one.where}: {problem}; correct it") from problem
 
 
 def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:

@@ -13,7 +13,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.numbers import count_of, with_unit
 from rverror.base.spreadsheet import sheet_rows
-from rverror.base.text import PathLike, check_name, describe, file_name, read_bytes, shown, some
+from rverror.base.text import PathLike, check_name, describe, file_head, file_name, read_bytes, shown, some
 from rverror.base.units import DISPLAY_UNITS
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import BEYOND_WORKSHOPS
@@ -118,11 +118,7 @@ def load_parts(
 
 def _head(path: PathLike) -> str:
     """Beginning of a file as text, whatever it is."""
-    try:
-        with open(path, "rb") as file:
-            raw = file.read(1000)
-    except (OSError, ValueError):
-        raw = read_bytes(path)  # says why not
+    raw = file_head(path, 1000) or read_bytes(path)  # which says why not
     return raw.decode("utf-8", errors="replace").removeprefix("\ufeff")
 
 

@@ -83,8 +83,6 @@ def _usable_rows(reading: Reading, notes: list[str]) -> Reading:
     count = int(np.count_nonzero(usable))
     if count < LEAST_SAMPLES:
         reading.refuse(f"{count} usable samples; {LEAST_SAMPLES} or more are needed: measure a longer run")
-    if not dropped:
-        return reading
     return _picked(reading, usable)
 
 
@@ -189,11 +187,6 @@ def fitted_slope(x: Array, y: Array) -> float:
     return float(x @ y) / power if power > 0 else 0.0
 
 
-def way_made(angle: Array, direction: Array) -> float:
-    """Way made along the stated direction, so that it is positive where the two agree."""
-    return float(np.diff(angle) @ direction[1:])
-
-
 def _sense(columns: Mapping[str, Array], ratio: float | None, jumped: set[str]) -> tuple[float, bool]:
     """Sign that turns the leading angle into one that grows with theta, and whether it is known."""
     if "output_angle" in columns:
@@ -213,12 +206,13 @@ def _direction(reading: Reading, name: str, angle: Array, *, sure: bool, notes: 
     # Less than ten typical steps back and forth is jitter of the encoder, not a reversal.
     jitter = min(10 * float(np.median(steps[steps > 0])), reach / 4)
     _check_one_run(reading, name, angle)
-    if reading.stated:
+    stated = reading.value("direction")
+    if stated:
         if sure:
-            _check_direction(reading, name, angle, reading.stated, jitter)
-        return np.full(angle.size, reading.stated)
+            _check_direction(reading, name, angle, stated, jitter)
+        return np.full(angle.size, stated)
     direction = smooth_direction(angle, jitter)
-    if reading.stated is None:
+    if stated is None:
         turns = int(np.count_nonzero(np.diff(direction)))
         found = f"{turns} reversals" if turns else way(direction[0])
         notes.append(f"no direction in the header; read from {name}: {found}")
@@ -252,8 +246,9 @@ def _check_direction(reading: Reading, name: str, angle: Array, stated: float, j
     way = stated * angle
     if way[-1] < way[0]:
         verb = "falls" if stated > 0 else "grows"
+        where = reading.stated["direction"][1]
         reading.refuse(
-            f"{reading.stated_at}direction says {word}, but the output angle {verb} from first to last row; "
+            f"{where}{': ' * bool(where)}direction says {word}, but the output angle {verb} from first to last row; "
             f"write {opposite}"
         )
     back = np.maximum.accumulate(way) - way

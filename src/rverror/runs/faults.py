@@ -17,11 +17,9 @@ from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FaultBounds, FoundFaults, LevelStep, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FoundFaults, LevelStep, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
-
-__all__ = ["FaultBounds", "Faults", "Gap", "Slip", "find_faults"]
 
 
 @dataclass(frozen=True)
@@ -348,16 +346,13 @@ def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
         return found
     steps = np.diff(found.theta)
     usual = float(np.median(steps[stretch.start : stretch.stop - 1]))
-    jumps = []
-    for slip in found.slips:
-        more = steps[slip.index - 1] - usual
-        within = 4 * slip.uncertainty + 0.02 * abs(slip.size)
-        if (
-            stretch.start < slip.index < stretch.stop
-            and abs(slip.size) > abs(usual) / 2
-            and abs(more + slip.size) < within
-        ):
-            jumps.append(slip.index)
+    jumps = [
+        slip.index
+        for slip in found.slips
+        if stretch.start < slip.index < stretch.stop
+        and abs(slip.size) > abs(usual) / 2
+        and abs(steps[slip.index - 1] - usual + slip.size) < 4 * slip.uncertainty + 0.02 * abs(slip.size)
+    ]
     if not jumps:
         return found
     first, last = max(pairwise([stretch.start, *jumps, stretch.stop]), key=lambda part: part[1] - part[0])

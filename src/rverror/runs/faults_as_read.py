@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.runs.fault_bounds import (
@@ -71,7 +72,7 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
         before, after = sides.fitted(clean)
         x = sides.at[inside]
         values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
-    apart = error - _running_median(error, 2 * BOUNDS.longest_burst + 1)
+    apart = error - scipy.ndimage.median_filter(error, 2 * BOUNDS.longest_burst + 1, mode="mirror")
     # what comes again in other turns is the gear's
     found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
     away = {at: abs(float(error[at] - values[at])) for at in off}
@@ -85,7 +86,8 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
             last += 1
         return any(away.get(at, 0.0) > _LARGER * abs(step.size) for at in range(first, last + 1))
 
-    read, rises = values.copy(), _rises(sides, values)
+    read, rises = values.copy(), np.zeros(values.size)  # rises: the step in front of every sample
+    rises[NEAR : 1 - NEAR] = sides.steps(sides.fitted(values), 0)[1]
     steps: list[LevelStep] = []
     for _ in range(ROUNDS):
         further = [step for step in _steps(sides, values, floor) if not is_made_up(step)]
@@ -120,14 +122,9 @@ def far_off(error: Array, floor: float) -> int:
     """Count samples far from the median of five neighbours, by a scatter that bears almost a third of them."""
     if error.size < 4 * NEAR:
         return 0
-    rest = np.abs(error - _running_median(error, 5))
+    rest = np.abs(error - scipy.ndimage.median_filter(error, 5, mode="mirror"))
     usual = float(np.median(rest[rest > 0])) / 0.6745 if rest.any() else 0.0
     return int(np.count_nonzero(rest > max(BOUNDS.certain * usual, floor)))
-
-
-def _running_median(values: Array, width: int) -> Array:
-    padded = np.pad(values, width // 2, mode="reflect")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=-1), dtype=np.float64)
 
 
 def _apart(values: Array, widths: tuple[int, ...]) -> Array:
@@ -137,7 +134,7 @@ def _apart(values: Array, widths: tuple[int, ...]) -> Array:
     """
     found = np.full(values.size, np.nan)
     for width in widths:
-        middle = _running_median(values, width)
+        middle = scipy.ndimage.median_filter(values, width, mode="mirror")
         rest = values - middle
         far = np.abs(rest) > _DOUBTFUL * np.maximum(*blockwise(rest, _BLOCK, scatter))
         found[far] = middle[far]
@@ -205,21 +202,21 @@ class _Sides:
         """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""
         windows = np.lib.stride_tricks.sliding_window_view(values, NEAR)
         before, after = np.zeros((3, self.size)), np.zeros((3, self.size))
-        before[:, NEAR:] = _applied(self._before, windows[:-1])
-        after[:, : windows.shape[0]] = _applied(self._after, windows)
+        before[:, NEAR:] = np.einsum("kcn,kn->ck", self._before, windows[:-1])
+        after[:, : windows.shape[0]] = np.einsum("kcn,kn->ck", self._after, windows)
         return before, after
+
+    def steps(self, fits: tuple[Array, Array], width: int) -> tuple[Integers, Array]:
+        """First samples of all transitions of so many, and the steps between the parabolas on both sides of each."""
+        k = np.arange(NEAR, self.size - width - NEAR + 1)
+        x = 0.5 * (self.at[k - 1] + self.at[k + width])
+        return k, self.along(fits[1], k + width, x) - self.along(fits[0], k, x)
 
     def along(self, coefficients: Array, k: Integers, x: Array) -> Array:
         """Values of the parabolas of samples k at places x."""
         a, b, c = coefficients[:, k]
         d = x - self.at[k]
         return np.asarray(a + d * (b + d * c), dtype=np.float64)
-
-
-def _applied(matrices: Array, windows: Array) -> Array:
-    if len(matrices) == 1:
-        return np.asarray(matrices[0] @ windows.T, dtype=np.float64)
-    return np.asarray((matrices @ windows[..., None])[..., 0].T, dtype=np.float64)
 
 
 def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int]:
@@ -251,19 +248,16 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int
 
 def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
-    before, after = sides.fitted(values)
+    fits = sides.fitted(values)
     change = np.diff(values, prepend=values[0])
     # Scatter is told without the changes that may be slips.
     smooth = _apart(change, (5,))
     clean = values - np.cumsum(np.where(np.isnan(smooth), 0.0, change - smooth))
-    clean_before, clean_after = sides.fitted(clean)
+    clean_fits = sides.fitted(clean)
     best = np.zeros(sides.size)
     step_at: dict[int, tuple[int, float]] = {}
     for width in range(WIDEST_SLIP + 1):
-        k = np.arange(NEAR, sides.size - width - NEAR + 1)
-        x = 0.5 * (sides.at[k - 1] + sides.at[k + width])
-        size = sides.along(after, k + width, x) - sides.along(before, k, x)
-        usual = sides.along(clean_after, k + width, x) - sides.along(clean_before, k, x)
+        (k, size), (_, usual) = sides.steps(fits, width), sides.steps(clean_fits, width)
         # The change has to be as sudden as none near it: gear error rises over several samples.
         rise = np.abs(values[k + width] - values[k - 1])
         sudden = rise > np.maximum(2 * (width + 1) * _largest_near(np.abs(change), width)[k], 0.5 * np.abs(size))
@@ -276,16 +270,6 @@ def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
         width, this = step_at[first]
         found.append(LevelStep(first, first + width, this, abs(this) / float(best[first])))
     return found
-
-
-def _rises(sides: _Sides, values: Array) -> Array:
-    """Step between the parabolas of both sides in front of every sample; 0 at the ends."""
-    before, after = sides.fitted(values)
-    k = np.arange(NEAR, sides.size - NEAR + 1)
-    x = 0.5 * (sides.at[k - 1] + sides.at[k])
-    rises = np.zeros(sides.size)
-    rises[k] = sides.along(after, k, x) - sides.along(before, k, x)
-    return rises
 
 
 def _score(size: Array, usual: Array, able: Flags, floor: float, bound: float) -> Array:

@@ -75,7 +75,7 @@ def faults_in_noise(
     off: dict[int, float] = {}
     steps = {k: LevelStep(k, k, 0.0, math.nan) for k in known}
     for _ in range(ROUNDS):
-        white = _whitened(values, good, pieces, _colour(values, good, pieces))
+        white = _whitened(values, good, pieces)
         spikes, slips = _spike_scores(white, tests), _slip_scores(white, tests)
         taken: list[tuple[int, int]] = []
         for k, step in steps.items():
@@ -115,24 +115,18 @@ def faults_in_noise(
 # --- the noise --------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Colour:
-    """Autoregressive model of the noise.
+def _colour(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
+    """Autoregressive model of the noise, from the autocovariance of blocks about their means.
 
-    Attributes
-    ----------
+    Large values are cut, wild blocks left out.
+
+    Returns
+    -------
     filters : ndarray, shape (order + 1, order + 1)
         Row p: the prediction error filter of order p, 1 first.
     spread : ndarray, shape (order + 1,)
         Standard deviation of its output.
     """
-
-    filters: Array
-    spread: Array
-
-
-def _colour(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _Colour:
-    """Autocovariance of blocks about their means, large values cut, wild blocks left out."""
     order = min(_ORDER, int(np.count_nonzero(good)) // 8)
     sums: list[list[float]] = []
     counts: list[int] = []
@@ -163,7 +157,7 @@ def _colour(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _C
         filters[p, : p + 1] = longer + reflection * longer[::-1]
         variance *= max(1.0 - reflection * reflection, 1e-6)
         spread[p] = math.sqrt(variance)
-    return _Colour(filters, spread)
+    return filters, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,19 +182,20 @@ class _Whitened:
     filter: Array
 
 
-def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]], colour: _Colour) -> _Whitened:
-    order = colour.spread.size - 1
+def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _Whitened:
+    filters, spread = _colour(values, good, pieces)
+    order = spread.size - 1
     rows = np.stack([values, np.ones(values.size), np.linspace(-1, 1, values.size)])
     out = np.zeros_like(rows)
     for first, last in pieces:
         part = rows[:, first:last].copy()
         for k in np.flatnonzero(~good[first:last]).tolist():
             p = min(k, order)  # a hole holds what its past predicts, so that it adds nothing
-            part[:, k] = -part[:, k - p : k] @ colour.filters[p, p:0:-1]
+            part[:, k] = -part[:, k - p : k] @ filters[p, p:0:-1]
         for row, into in zip(part, out[:, first:last], strict=True):
-            into[:] = np.convolve(row, colour.filters[order])[: row.size] / colour.spread[order]
+            into[:] = np.convolve(row, filters[order])[: row.size] / spread[order]
         for k in range(min(order, last - first)):  # the first samples have a shorter past
-            out[:, first + k] = part[:, k::-1] @ colour.filters[k, : k + 1] / colour.spread[k]
+            out[:, first + k] = part[:, k::-1] @ filters[k, : k + 1] / spread[k]
     out[:, ~good] = 0.0
     have = np.flatnonzero(good)
     near, usual = blockwise(out[0, have], _NEAR, scatter_of_changes)
@@ -208,7 +203,7 @@ def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]], col
     louder = np.where(near > _LOUDER * usual, near / usual, 1.0)
     at = np.minimum(np.searchsorted(have, np.arange(good.size)), have.size - 1)
     out /= usual
-    return _Whitened(out[0], out[1], out[2], good, louder[at], colour.filters[order] / (colour.spread[order] * usual))
+    return _Whitened(out[0], out[1], out[2], good, louder[at], filters[order] / (spread[order] * usual))
 
 
 # --- the likelihood ratios --------------------------------------------------------------------------------------------

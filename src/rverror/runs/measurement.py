@@ -28,34 +28,23 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.bench.file import read_bench_file
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
-from rverror.runs.checks import checked, fitted_slope, smooth_direction, way_made
+from rverror.runs.checks import checked, fitted_slope
 from rverror.runs.integration import INTEGRATED, without_line
 from rverror.runs.order_file import is_order_file, load_orders, refuse_order_file
 from rverror.runs.order_table import OrderTable
 from rverror.runs.reading import (
-    COLUMNS,
+    DIMENSIONS,
     HEADER_KEYS,
     HEADER_LINE,
     STATED,
     OfFile,
     Reading,
     check_lengths,
-    checked_value,
     header_lines,
     refuse,
     row_of,
+    stated_value,
 )
-
-__all__ = [
-    "Run",
-    "load_run",
-    "read_run",
-    "run_from_arrays",
-    "run_text",
-    "smooth_direction",
-    "write_run",
-]
-
 
 _BLOCKS = 16  # of a torque column, over which noise is averaged
 #: Range of their means over the torque up to which it is constant: a brake holds its torque no better.
@@ -239,7 +228,7 @@ class Run(OfFile, Viewed):
         assert self.input_angle is not None
         if self.output_angle is None:
             # Direction tells the sign: it was stated, or read with the sign known then.
-            travel = way_made(self.input_angle, self.direction)
+            travel = float(np.diff(self.input_angle) @ self.direction[1:])
             if travel * ratio < 0:
                 self.refuse(
                     f"with the ratio {ratio:g} the nominal angle runs against the run's direction; correct "
@@ -366,20 +355,23 @@ def run_from_arrays(
     column = torque if np.ndim(size) else None
     given = {"input_angle": input_angle, "output_angle": output_angle, "te": te, "time": time, "output_torque": column}
     given["torque"] = torque_record
-    columns = {name: row_of(name, value, COLUMNS[name]) for name, value in given.items() if value is not None}
+    columns = {name: row_of(name, value, DIMENSIONS[name]) for name, value in given.items() if value is not None}
     sizes = {name: values.size for name, values in columns.items()}
     check_lengths("", sizes, "give all the same number of samples")
-    stated = STATED.get(direction) if isinstance(direction, str) else float(direction)
-    if stated not in (1.0, -1.0, 0.0) or (stated == 0 and direction != "mixed"):
+    sense = STATED.get(direction, math.nan) if isinstance(direction, str) else float(direction)
+    if sense not in (1.0, -1.0, 0.0) or (sense == 0 and direction != "mixed"):
         refuse("", f"direction = {shown(direction)}: must be 'forward', 'reverse', 'mixed', +1 or -1")
+    stated = {"direction": (sense, "")}
+    if torque is not None and column is None:
+        stated["output_torque"] = stated_value("", "torque", torque, "torque"), ""
+    if temperature is not None:
+        stated["temperature"] = stated_value("", "temperature", temperature, "temperature"), ""
     reading = Reading(
         path="",
         columns=columns,
         labels=np.arange(next(iter(sizes.values()), 0)),
         noun="sample",
         stated=stated,
-        torque=None if column is not None else _plain("torque", torque, "torque"),
-        temperature=_plain("temperature", temperature, "temperature"),
         index=index,
         metadata=dict(metadata or {}),
     )
@@ -452,7 +444,7 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
         torque=torque,
         load_column=column,
         torque_record=reading.columns.get("torque"),
-        temperature=reading.temperature,
+        temperature=reading.value("temperature"),
         index=reading.index,
         metadata=reading.metadata,
         notes=(*reading.notes, *told),
@@ -466,8 +458,9 @@ def _torque(reading: Reading) -> tuple[float | None, Array | None, list[str]]:
     """Size of a torque that stays, or the column of one that changes, N*mm, and what to say of it."""
     column = reading.columns.get("output_torque")
     if column is None:
-        return reading.torque, None, []
-    notes = [] if reading.torque is None else ["output_torque is in the header and a column: the column counts"]
+        return reading.value("output_torque"), None, []
+    twice = "output_torque" in reading.stated
+    notes = ["output_torque is in the header and a column: the column counts"] if twice else []
     means = np.array([np.mean(part) for part in np.array_split(column, _BLOCKS)])
     size, noise = abs(float(np.mean(column))), float(np.std(np.diff(column))) / math.sqrt(2 * column.size / _BLOCKS)
     if np.ptp(means) > max(_STEADY * size, _BY_NOISE * noise):
@@ -490,13 +483,3 @@ def ratio_of(value: Reducer | Drive | Model | float) -> float:
     if not np.isfinite(number) or number == 0:
         raise InputError(f"ratio = {number:g}: must be a finite number other than 0, input turns per output turn")
     return number
-
-
-def _plain(name: str, value: Any | None, dimension: str) -> float | None:
-    if value is None:
-        return None
-    try:
-        number = units.to_core(value, dimension)
-    except ValueError as error:
-        refuse("", f"{name}: {error}")
-    return checked_value("", name, number, dimension)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ COVERAGE = 2.0
 #: Half-width over standard deviation: between limits any value is as likely as another; a sine of unknown phase.
 _DIVISORS = {"even": math.sqrt(3), "sine": math.sqrt(2)}
 
-Figure = Literal["reading", "peak_to_peak", "rms"]
+Figure = Literal["reading", "peak_to_peak", "rms", "amplitude"]
 #: The most a reading error within plus or minus 1 makes of each figure: any curve, and a wave.
 _MOST: Mapping[str, Mapping[str, float]] = {
     "reading": {"even": 1.0, "sine": 1.0},
@@ -80,7 +80,7 @@ class BenchUncertainty:
 
         Parameters
         ----------
-        figure : {"reading", "peak_to_peak", "rms"}
+        figure : {"reading", "peak_to_peak", "rms", "amplitude"}
 
         Returns
         -------
@@ -101,27 +101,23 @@ class BenchUncertainty:
         float
             0 where no part of the bench can have the order.
         """
-        return _expanded(tuple(one for one in _for_figure(self.parts, "amplitude") if one.reaches(order)))
+        return _expanded(one for one in self.budget("amplitude") if one.reaches(order))
 
     def budget(self, figure: Figure) -> tuple[UncertaintyPart, ...]:
         """Parts for a figure: the most that each makes of it, with the standard uncertainty of that.
 
         Parameters
         ----------
-        figure : {"reading", "peak_to_peak", "rms"}
+        figure : {"reading", "peak_to_peak", "rms", "amplitude"}
 
         Returns
         -------
         tuple of UncertaintyPart
         """
-        return _for_figure(self.parts, figure)
+        return tuple(replace(one, limit=one.limit * _MOST[figure][one.distribution]) for one in self.parts)
 
 
-def _for_figure(parts: tuple[UncertaintyPart, ...], figure: str) -> tuple[UncertaintyPart, ...]:
-    return tuple(replace(one, limit=one.limit * _MOST[figure][one.distribution]) for one in parts)
-
-
-def _expanded(parts: tuple[UncertaintyPart, ...]) -> float:
+def _expanded(parts: Iterable[UncertaintyPart]) -> float:
     return COVERAGE * math.hypot(*(one.standard for one in parts))
 
 

@@ -6,7 +6,6 @@ Units in brackets.  Whatever is wrong is refused in one line, or, where the rest
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -17,18 +16,18 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
-from rverror.base.errors import InputError, check_kind
+from rverror.base.errors import check_kind, refusing
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, split_lines, write_text
+from rverror.base.text import PathLike, check_path, file_head, split_lines, write_text
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_rows import KIND, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.reading import (
+    DIMENSIONS,
     HEADER_LINE,
-    ORDER_COLUMNS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
     ORDER_KEYS,
+    UNITS,
     OrderRows,
     check_lengths,
     header_lines,
@@ -37,7 +36,7 @@ from rverror.runs.reading import (
 )
 
 #: Attribute of a condition that has the number of a column.
-_ATTRIBUTES = {"input_speed": "input_speed", "temperature": "temperature", "output_torque": "torque"}
+_ATTRIBUTES = {name: name for name in ("direction", *ORDER_CONDITIONS)} | {"output_torque": "torque"}
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
 
@@ -59,12 +58,7 @@ def is_order_file(path: PathLike) -> bool:
     False
     """
     check_path(path)
-    try:
-        with open(path, "rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except (OSError, ValueError):
-        return False
-    for line in split_lines(head.decode("utf-8-sig", "replace")):
+    for line in split_lines(file_head(path, _HEAD_BYTES).decode("utf-8-sig", "replace")):
         text = line.strip()
         if text and not text.startswith("#"):
             return False
@@ -148,17 +142,15 @@ def _table(rows: OrderRows) -> OrderTable:
     _check_bounds(rows, columns)
     waves = _waves(rows, columns)
     sigma = _sigma(rows, columns, waves, notes)
-    conditions = [name for name in ORDER_CONDITIONS if name in columns]
-    usable = np.isfinite(waves)
-    for name in conditions:
-        usable &= np.isfinite(columns[name])
+    conditions = [name for name in _ATTRIBUTES if name in columns]
+    usable = np.isfinite(waves) & np.isfinite([columns[name] for name in conditions]).all(axis=0)
     _note_left_out(rows, ~usable, notes)
     cases: dict[TableCondition, dict[float, int]] = {}
     doubled = []
     for row in np.flatnonzero(usable).tolist():
         order = float(columns["order"][row])
         known = {_ATTRIBUTES[name]: float(columns[name][row]) for name in conditions}
-        case = cases.setdefault(TableCondition(direction=rows.directions[row], **known), {})
+        case = cases.setdefault(TableCondition(**known), {})
         first = case.setdefault(order, row)
         if first == row:
             continue
@@ -173,16 +165,9 @@ def _table(rows: OrderRows) -> OrderTable:
         notes.append(f"{count_of(len(doubled), 'doubled row')} left out {rows.listed(doubled)}")
     made = []
     for condition, case in cases.items():
-        orders = sorted(case)
-        picked = [case[order] for order in orders]
-        made.append(
-            OrderCase(
-                condition=condition,
-                orders=np.array(orders),
-                waves=waves[picked],
-                sigma=None if sigma is None else sigma[picked],
-            )
-        )
+        picked = [case[order] for order in sorted(case)]
+        spread = None if sigma is None else sigma[picked]
+        made.append(OrderCase(condition=condition, orders=np.array(sorted(case)), waves=waves[picked], sigma=spread))
     return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 
@@ -193,9 +178,7 @@ def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
             at = rows.stated[name][1] if name in rows.stated else rows.at(row)
-            dimension = ORDER_COLUMNS[name]
-            printed = with_unit(values[row], dimension) if dimension else f"{values[row]:g}"
-            rows.refuse(f"{at}: {name} = {printed}: {remedy}")
+            rows.refuse(f"{at}: {name} = {_printed(name, values[row])}: {remedy}")
 
 
 def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
@@ -206,18 +189,26 @@ def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
         other = np.abs(columns[name] - value) > _SAME * max(abs(value), 1.0)  # false for NaN
         if other.any():
             row = int(np.argmax(other))
-            found, said = (with_unit(number, ORDER_CONDITIONS[name]) for number in (columns[name][row], value))
+            found, said = _printed(name, columns[name][row]), _printed(name, value)
             rows.refuse(f"{rows.at(row)}: {name} = {found}, but {where} says {said}; leave one of them")
+
+
+def _printed(name: str, value: float) -> str:
+    """Value of a column for people."""
+    if name == "direction":
+        return way(value)
+    return with_unit(value, DIMENSIONS[name]) if DIMENSIONS[name] else f"{value:g}"
 
 
 def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
     """z of each row; NaN where neither of its two numbers is there."""
     one, other = ("cos", "sin") if "cos" in columns else ("amplitude", "phase")
     first, second = columns[one], columns[other]
-    half = np.isnan(second) & ~np.isnan(first)
-    if one == "cos":
-        half |= np.isnan(first) & ~np.isnan(second)
-    for row in np.flatnonzero(half).tolist():
+    half = np.isnan(first) != np.isnan(second)
+    if one == "amplitude":
+        half &= np.isnan(second)  # a phase alone tells of no wave
+    if half.any():
+        row = int(np.argmax(half))
         there, missing = (one, other) if math.isnan(second[row]) else (other, one)
         rows.refuse(f"{rows.at(row)}: {there} without {missing}; give {missing} as a number, or delete the row")
     if one == "cos":
@@ -230,15 +221,13 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     if "sigma" not in columns:
         return None
     sigma = columns["sigma"]
-    there = np.isfinite(waves)
-    empty = there & np.isnan(sigma)
-    if (there & ~empty).any() and empty.any():
-        rows.refuse(
-            f"{rows.at(int(np.argmax(empty)))}: no sigma, but other rows have one; give it in every row or in none"
-        )
-    if not (there & ~empty).any():
+    empty = np.isnan(sigma[np.isfinite(waves)])
+    if empty.all():
         notes.append("sigma holds no number and is left out")
         return None
+    if empty.any():
+        at = rows.at(int(np.argmax(np.isfinite(waves) & np.isnan(sigma))))
+        rows.refuse(f"{at}: no sigma, but other rows have one; give it in every row or in none")
     return sigma
 
 
@@ -307,38 +296,31 @@ def orders_from_arrays(
     conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
     row = partial(row_of, path=OrderRows.made_in)
-    columns = {name: row(name, value, ORDER_COLUMNS[name]) for name, value in waves.items() if value is not None}
+    columns = {name: row(name, value, DIMENSIONS[name]) for name, value in waves.items() if value is not None}
     check_order_columns(OrderRows.made_in, "columns", columns)
     stated = {}
     for name, value in conditions.items():
         if value is None:
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
-            try:
-                stated[name] = (units.to_core(value, ORDER_CONDITIONS[name]), "all rows")
-            except ValueError as error:
-                refuse(OrderRows.made_in, f"{_ATTRIBUTES[name]}: {error}")
+            with refusing(f"{OrderRows.made_in}: {_ATTRIBUTES[name]}: "):
+                stated[name] = (units.to_core(value, DIMENSIONS[name]), "all rows")
         else:
-            columns[name] = row(_ATTRIBUTES[name], value, ORDER_CONDITIONS[name])
-    single = isinstance(direction, str) or np.ndim(direction) == 0
-    count = columns["order"].size
-    try:
-        signs = direction_signs([direction] * count if single else list(direction)).tolist()
-    except InputError as error:
-        refuse(OrderRows.made_in, str(error))
-    sizes = {"direction": len(signs)} | {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
+            columns[name] = row(_ATTRIBUTES[name], value, DIMENSIONS[name])
+    with refusing(f"{OrderRows.made_in}: "):
+        signs = direction_signs(direction)
+    if signs.ndim:
+        columns["direction"] = signs
+    else:
+        stated["direction"] = (float(signs), "all rows")
+    sizes = {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
     check_lengths(OrderRows.made_in, sizes, "give all the same number of rows")
-    rows = OrderRows(
-        path="",
-        labels=tuple(range(count)),
-        noun="row",
-        directions=tuple(signs),
-        columns=columns,
-        stated=stated,
-        index=index,
-        metadata=dict(metadata or {}),
-    )
-    return _table(rows)
+    return _table(_rows(columns, stated=stated, index=index, metadata=dict(metadata or {})))
+
+
+def _rows(columns: Mapping[str, Array], **told: Any) -> OrderRows:
+    """Rows in memory."""
+    return OrderRows(labels=np.arange(columns["order"].size), noun="row", columns=columns, **told)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -394,54 +376,40 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     path = path or OrderRows.made_in
     head = [*header_lines(path, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
-    cells = {"direction": [way(case.condition.direction) for case in table.cases for _ in case.orders]}
+    cells = {"direction": list(map(way, columns.pop("direction")))}
     for name, numbers in columns.items():
-        unit = ORDER_EXAMPLES[name]
-        factor, zero = units.unit_scale(unit, ORDER_COLUMNS[name]) if unit else (1.0, 0.0)
+        unit = UNITS[name]
+        factor, zero = units.unit_scale(unit, DIMENSIONS[name]) if unit else (1.0, 0.0)
         digits = 14 if zero else 15
         cells[f"{name}[{unit}]" if unit else name] = [f"{(number - zero) / factor:.{digits}g}" for number in numbers]
-    body = io.StringIO()
-    for row in zip(*cells.values(), strict=True):
-        body.write(",".join(row) + "\n")
-    return "\n".join([*head, ",".join(cells), body.getvalue()])
+    rows = map(",".join, zip(*cells.values(), strict=True))
+    return "\n".join([*head, ",".join(cells), *rows, ""])
 
 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
     cases, columns = table.cases, dict[str, Array]()
-    stated = {name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()}
-    for name, values in (stated | {"sigma": [case.sigma for case in cases]}).items():
+    told: dict[str, list[Any]] = {
+        name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()
+    }
+    told["order"] = [case.orders for case in cases]
+    told["amplitude"], told["phase"] = ([of(case.waves) for case in cases] for of in (np.abs, np.angle))
+    told["sigma"] = [case.sigma for case in cases]
+    for name, values in told.items():
         missing = sum(value is None for value in values)
         if 0 < missing < len(cases):
-            what = _ATTRIBUTES.get(name, name)
-            refuse(
-                path,
-                f"{missing} of {len(cases)} cases have no {what}, others have; complete them, or write a file of each "
-                "kind",
+            what = f"{missing} of {len(cases)} cases have no {_ATTRIBUTES.get(name, name)}, others have"
+            refuse(path, f"{what}; complete them, or write a file of each kind")
+        if not missing:
+            each = (
+                np.full(case.orders.size, value) if np.ndim(value) == 0 else value
+                for case, value in zip(cases, values, strict=True)
             )
-        if cases and not missing:
-            columns[name] = np.concatenate(
-                [
-                    np.full(case.orders.size, value) if np.ndim(value) == 0 else value
-                    for value, case in zip(values, cases, strict=True)
-                ]
-            )
-    waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in cases)])
-    columns["order"] = np.concatenate([np.zeros(0), *(case.orders for case in cases)])
-    columns["amplitude"], columns["phase"] = np.abs(waves), np.angle(waves)
-    if "sigma" in columns:
-        columns["sigma"] = columns.pop("sigma")  # the last column
+            columns[name] = np.concatenate([np.zeros(0), *each])
     sizes = {name: values.size for name, values in columns.items()}
     check_lengths(path, sizes, "give each order one wave and one sigma")
-    direction_signs([case.condition.direction for case in table.cases])
-    rows = OrderRows(
-        path="",
-        labels=tuple(range(sizes["order"])),
-        noun="row",
-        directions=tuple(case.condition.direction for case in table.cases for _ in case.orders),
-        columns=columns,
-    )
+    direction_signs(columns["direction"])
     if not all(np.isfinite(values).all() for values in columns.values()):
         refuse(path, "the table holds values that are not finite; leave those orders out")
-    _table(rows)
+    _table(_rows(columns))
     return columns

@@ -15,7 +15,7 @@ from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown, some, split_lines
 
-#: Dimension of each known column, and the unit in which people write it.
+#: Dimension of every column that a file may have, and the unit in which people write it; orders and words have none.
 _COLUMNS = {
     "input_angle": ("angle", "deg"),
     "output_angle": ("angle", "deg"),
@@ -23,19 +23,10 @@ _COLUMNS = {
     "time": ("time", "s"),
     "output_torque": ("torque", "N*m"),
     "torque": ("torque", "N*m"),
-}
-COLUMNS = {name: dimension for name, (dimension, _) in _COLUMNS.items()}
-EXAMPLES = {name: unit for name, (_, unit) in _COLUMNS.items()}
-#: Columns of a bench that are integrated over time, and the columns that they make.
-SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
-#: Dimension and unit of every column of a bench that a mapping may name.
-BENCH_COLUMNS = COLUMNS | dict.fromkeys(SPEEDS, "angular_speed")
-BENCH_EXAMPLES = EXAMPLES | dict.fromkeys(SPEEDS, "rpm")
-#: The same of each column of numbers of an order table: conditions, then what is told of a wave.  Orders have neither.
-_ORDER_COLUMNS = {
     "input_speed": ("angular_speed", "rpm"),
+    "output_speed": ("angular_speed", "rpm"),
     "temperature": ("temperature", "degC"),
-    "output_torque": ("torque", "N*m"),
+    "direction": ("", ""),
     "order": ("", ""),
     "amplitude": ("angle", "arcsec"),
     "phase": ("angle", "deg"),
@@ -43,10 +34,14 @@ _ORDER_COLUMNS = {
     "sin": ("angle", "arcsec"),
     "sigma": ("angle", "arcsec"),
 }
-ORDER_COLUMNS = {name: dimension for name, (dimension, _) in _ORDER_COLUMNS.items()}
-ORDER_EXAMPLES = {name: unit for name, (_, unit) in _ORDER_COLUMNS.items()}
-#: Dimension of each condition of an order table that is a number.
-ORDER_CONDITIONS = {name: ORDER_COLUMNS[name] for name in ("input_speed", "temperature", "output_torque")}
+DIMENSIONS = {name: dimension for name, (dimension, _) in _COLUMNS.items()}
+UNITS = {name: unit for name, (_, unit) in _COLUMNS.items()}
+RUN_COLUMNS = ("input_angle", "output_angle", "te", "time", "output_torque", "torque")
+#: Columns of a bench that are integrated over time, and the columns that they make.
+SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
+#: Conditions of an order table that are numbers.
+ORDER_CONDITIONS = ("input_speed", "temperature", "output_torque")
+ORDER_COLUMNS = ("direction", *ORDER_CONDITIONS, "order", "amplitude", "phase", "cos", "sin", "sigma")
 #: Keys of the header that have a meaning.
 HEADER_KEYS = ("direction", "output_torque", "temperature", "index")
 #: Those that have one in order tables.
@@ -120,11 +115,41 @@ class OfFile:
         refuse(self.path or self.made_in, message)
 
 
-class Rows(OfFile):
-    """Rows of a file, each with a label: `noun` says what the labels count."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reading(OfFile):
+    """Columns of a run or an order table as read, in core units, and what was said of them.
 
-    labels: np.ndarray[Any, np.dtype[Any]] | tuple[int, ...]
+    Attributes
+    ----------
+    path : str
+        File, as given; empty where they were made in memory.
+    columns : mapping of str to ndarray, shape (n,)
+        Known columns; NaN where a cell holds no number.
+    labels : ndarray of int, shape (n,)
+        What messages call each row.
+    noun : str
+        ``line``, ``sample`` or ``row``: what the labels count.
+    stated : mapping of str to (float, str)
+        Direction (+1 or -1; 0 for mixed) and conditions of all rows, each with the place that says it.
+    index : str
+        Label of the zero.
+    metadata : mapping of str to str
+        All of the header, as written.
+    notes : tuple of str
+    """
+
+    path: str = ""
+    columns: Mapping[str, Array]
+    labels: np.ndarray[Any, np.dtype[Any]]
     noun: str
+    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    index: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def value(self, name: str) -> float | None:
+        """What is stated of all rows; None where nothing is."""
+        return self.stated[name][0] if name in self.stated else None
 
     def at(self, row: int) -> str:
         """Place of a row, for messages."""
@@ -135,90 +160,15 @@ class Rows(OfFile):
 
         Examples
         --------
-        >>> OrderRows(path="", labels=(2, 4, 7), noun="line", directions=(), columns={}).listed([1, 2])
+        >>> Reading(labels=np.array([2, 4, 7]), noun="line", columns={}).listed([1, 2])
         '(lines 4, 7)'
         """
-        return listed(self.noun, np.asarray(self.labels)[rows].tolist())
+        return listed(self.noun, self.labels[rows].tolist())
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Header:
-    """What is known of a run beside its columns.
+class OrderRows(Reading):
+    """Rows of an order table, each one wave."""
 
-    Attributes
-    ----------
-    stated : float, optional
-        Direction: +1, -1, 0 for mixed, None where nothing is said.
-    stated_at : str
-        Where it is said, for messages.
-    torque, temperature : float, optional
-        N*mm and K.
-    metadata : mapping of str to str
-        All of it, as written.
-    """
-
-    stated: float | None = None
-    stated_at: str = ""
-    torque: float | None = None
-    temperature: float | None = None
-    index: str = ""
-    metadata: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reading(Rows, Header):
-    """Columns of one run as read, in core units, and what was said of them.
-
-    Attributes
-    ----------
-    path : str
-        File, as given; empty where the run was made in memory.
-    columns : mapping of str to ndarray, shape (n,)
-        Known columns, rad, s and N*mm.
-    labels : ndarray of int, shape (n,)
-        What messages call each row.
-    noun : str
-        ``line`` or ``sample``: what the labels count.
-    """
-
-    path: str
-    columns: Mapping[str, Array]
-    labels: np.ndarray[Any, np.dtype[Any]]
-    noun: str
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OrderRows(Rows):
-    """Rows of an order table as read, each one wave, in core units; NaN where a cell holds no number.
-
-    Attributes
-    ----------
-    path : str
-        File, as given; empty where the table was made in memory.
-    labels : tuple of int
-        What messages call each row.
-    noun : str
-        ``line``, ``sample`` or ``row``: what the labels count.
-    directions : tuple of float
-        +1 or -1 of each row.
-    columns : mapping of str to ndarray, shape (n,)
-    stated : mapping of str to (float, str)
-        Conditions of all rows, each with the place that says it.
-    index : str
-    metadata : mapping of str to str
-    notes : tuple of str
-    """
-
-    path: str
-    labels: tuple[int, ...]
-    noun: str
-    directions: tuple[float, ...]
-    columns: Mapping[str, Array]
-    stated: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    index: str = ""
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
     made_in: ClassVar[str] = "order table"
 
 
@@ -245,20 +195,24 @@ def refuse(path: str, message: str) -> NoReturn:
     raise InputError(f"{path or 'run'}{', ' if comma else ': '}{message}")
 
 
-def checked_value(path: str, what: str, number: float, dimension: str) -> float:
-    """Value of the header as a run holds it: the size of a torque, a temperature above absolute zero.
+def stated_value(path: str, what: str, value: Any, dimension: str) -> float:
+    """Condition of a run in its core unit: the size of a torque, a temperature above absolute zero.
 
     Parameters
     ----------
     what : str
         Place and key, for the message.
-    number : float
-        N*mm or K.
+    value : float, str or quantity
 
     Raises
     ------
     InputError
+        If it has no unit, one of another dimension, or cannot be.
     """
+    try:
+        number = units.to_core(value, dimension)
+    except ValueError as error:
+        refuse(path, f"{what}: {error}")
     if dimension == "temperature" and number < 0:
         refuse(path, f"{what}: {number:g} K lies below absolute zero; check the sign and the unit")
     return abs(number) if dimension == "torque" else number
@@ -331,12 +285,12 @@ def check_needed(path: str, where: str, names: Sequence[str], otherwise: str = "
     ------
     InputError
     """
-    have = [name for name in names if COLUMNS.get(name) == "angle"]
+    have = [name for name in names if name in RUN_COLUMNS and DIMENSIONS[name] == "angle"]
     if len(have) >= 2 or (have in (["input_angle"], ["output_angle"]) and "torque" in names):
         return
     missing = [name for name in ("input_angle", "output_angle", "te") if name not in have]
-    likely = [f"{name}[{EXAMPLES[name]}]" for name in missing]
-    others = [re.split(r"[\[(]", name)[0].strip() for name in names if name not in COLUMNS]
+    likely = [f"{name}[{UNITS[name]}]" for name in missing]
+    others = [re.split(r"[\[(]", name)[0].strip() for name in names if name not in RUN_COLUMNS]
     hint = next(filter(None, (did_you_mean(name, likely) for name in others)), "")
     what = f"besides {have[0]} there is no" if have else "there is no"
     listed = " and no ".join(missing) if have else "input_angle, output_angle or te"

@@ -17,7 +17,7 @@ import scipy
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError, renamed
+from rverror.base.errors import InputError, refusing, renamed
 from rverror.base.numbers import way
 from rverror.base.quantities import COUNT, Checked, NumberField, quantity
 from rverror.geartrain.contacts import motion
@@ -174,21 +174,18 @@ def simulate_runs(
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
     if correlation is not None and noise is None:
         raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
-    try:
-        bench = _Bench(
-            points=points,
-            revolutions=revolutions,
-            method=method,
-            noise=0.0 if noise is None else noise,
-            correlation=0.0 if correlation is None else correlation,
-            input_counts=input_counts,
-            output_counts=output_counts,
-            seed=DEFAULT_SEED if seed is None else seed,
-            output_speed=output_speed,
-        )
-        sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
-    except ValueError as problem:
-        raise InputError(str(problem)) from problem
+    bench = _Bench(
+        points=points,
+        revolutions=revolutions,
+        method=method,
+        noise=0.0 if noise is None else noise,
+        correlation=0.0 if correlation is None else correlation,
+        input_counts=input_counts,
+        output_counts=output_counts,
+        seed=DEFAULT_SEED if seed is None else seed,
+        output_speed=output_speed,
+    )
+    sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
     samples = points * bench.revolutions
     if samples > _LARGEST:
         raise InputError(f"points * revolutions = {samples}: must be {_LARGEST} or fewer; ask for fewer")
@@ -312,21 +309,17 @@ class _Bench(Checked):
             keys["noise"] = f"{self.noise / units.ARCSEC:.15g} arcsec"
             keys["noise correlation"] = f"{math.degrees(self.correlation):.15g} deg"
             keys["seed"] = str(self.seed)
-        if self.input_counts is not None:
-            keys["input counts"] = str(self.input_counts)
-        if self.output_counts is not None:
-            keys["output counts"] = str(self.output_counts)
+        counts = {"input counts": self.input_counts, "output counts": self.output_counts}
+        keys |= {name: str(count) for name, count in counts.items() if count is not None}
         if self.output_speed is not None:
             keys["speed"] = f"{math.degrees(self.output_speed):.15g} deg/s"
         return keys
 
 
 def _torque(mechanism: Mechanism, value: Any | None, method: str) -> float | TorqueLaw | None:
-    if callable(value):
-        law: TorqueLaw = value
+    if value is None or callable(value):
+        law: TorqueLaw | None = value
         return law
-    if value is None:
-        return None
     size = _TORQUE.core("torque", value)
     doubt_torque(mechanism, value)
     if size == 0 and method != "equilibrium":
@@ -379,12 +372,10 @@ def _error(model: Model, conditions: Conditions, *, points: int, method: str) ->
     places = np.array_split(np.arange(count), math.ceil(count / _AT_ONCE))
     load = conditions.load
     parts = [replace(conditions, theta=theta[at], time=None, load=None if load is None else load[at]) for at in places]
-    try:
+    with refusing(""):  # an effect that lacks a condition, such as the torque
         solved = [
             transmission_error(gears, part) if method == "closed" else equilibrium(gears, part).transmission_error
             for part in parts
         ]
         read = added(misread(model), motion(Drive(ratio=unit.ratio), conditions))  # what is read needs no contacts
-    except ValueError as problem:  # an effect that lacks a condition, such as the torque
-        raise InputError(str(problem)) from problem
     return np.resize(np.concatenate(solved), theta.size) + read

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any, NoReturn
 
 from rverror.base import units
-from rverror.base.errors import InputError, check_each
+from rverror.base.errors import InputError, check_each, refusing
 from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Index, IndexValue, Parameter
@@ -494,7 +494,8 @@ def tolerance(
     if samples is None:
         if width is None:
             raise InputError(f"{key}: no tolerance; give a width like '5 {units.DISPLAY_UNITS[dimension]}', or samples")
-        size, centre = _size(key, width, dimension)
+        with refusing(f"{key}: tolerance: "):
+            size, centre = width_and_centre(width, dimension)
         chosen[0].doubt(f"{key}: tolerance", width, size)
         given = {"capability": capability, "shape": shape}
         law = _law(key, distribution, given, vectors=_in_vectors([p.name for p in chosen]))
@@ -535,13 +536,6 @@ def tolerance(
         classes,
         None if fit is None else fit_of(fit),
     )
-
-
-def _size(key: str, width: Any, dimension: str) -> tuple[float, float | None]:
-    try:
-        return width_and_centre(width, dimension)
-    except ValueError as error:
-        raise InputError(f"{key}: tolerance: {error}") from error
 
 
 def _law(key: str, name: str | None, given: Mapping[str, float | None], *, vectors: bool) -> Distribution:

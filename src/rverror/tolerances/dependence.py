@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
 from rverror.tolerances.blocks import Block, Component
@@ -90,10 +90,8 @@ def dependence(
                 f"{labels[e]} and {labels[f]}: correlated, with {one.terms} and {other.terms} parameters; give both as "
                 "many by parameters = [...]"
             )
-        try:
+        with refusing(f"{labels[e]} and {labels[f]}: "):
             normal = normal_correlation(laws[e], laws[f], value)
-        except InputError as error:
-            raise InputError(f"{labels[e]} and {labels[f]}: {error}") from error
         alike = _alike(one, other, components)
         across[one.components, other.components] = normal * alike
         between[one.components, other.components] = value * math.sqrt(laws[e].variance * laws[f].variance) * alike

@@ -12,10 +12,10 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
-from rverror.base.toml import EXAMPLES, KeyPath, TomlText, read_toml
-from rverror.geartrain.source import Source
-from rverror.model.catalogue import CATALOGUE, source
+from rverror.base.toml import EXAMPLES, KeyPath, Table, TomlText, is_number, is_text, read_toml
+from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
+from rverror.model.model_file import source_of
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import Tolerance, tolerance, width_and_centre
 from rverror.tolerances.dependence import correlations, fits
@@ -23,7 +23,6 @@ from rverror.tolerances.grades import class_of, gear_limit, it_width
 
 _WITH_UNIT = ("tolerance", "lower", "upper", "mean", "size", "diameter", "module", "at", "least", "largest")
 _CURVE = ("curve", "price", "at", "base")
-_YES, _NO = ("true", "yes", "1", "x"), ("false", "no", "0", "")
 _EXAMPLE = "write a first line such as 'key, tolerance[um], distribution'"
 
 
@@ -56,15 +55,15 @@ def read_table(path: PathLike) -> TomlText:
         raise InputError(f"{name}, line {line}: no column 'key'; {_EXAMPLE}")
     if not body:
         raise InputError(f"{name}: no tolerance below the first line; add a row for each")
-    lines: dict[KeyPath, int] = {}
     listed = []
-    for i, (number, row) in enumerate(body):
+    for number, row in body:
         if any(cell for cell in row[len(columns) :]):
             raise InputError(f"{name}, line {number}: {len(row)} cells for {len(columns)} columns; correct the row")
-        given = {column: (cell, unit) for (column, unit), cell in zip(columns, row, strict=False) if column and cell}
-        listed.append(_entry(f"{name}, line {number}", given))
-        lines |= {("tolerance", i): number, ("tolerance",): number}
-    return TomlText(name, {"tolerance": listed}, lines)
+        where = f"{name}, line {number}"
+        cells = ((*column, cell) for column, cell in zip(columns, row, strict=False))
+        given = {column: _cell(where, column, cell, unit) for column, unit, cell in cells if column and cell}
+        listed.append(_entry(where, given))
+    return TomlText(name, {"tolerance": listed}, {("tolerance", i): number for i, (number, _) in enumerate(body)})
 
 
 def _column(name: str, line: int, head: str) -> tuple[str, str]:
@@ -79,12 +78,19 @@ def _column(name: str, line: int, head: str) -> tuple[str, str]:
     return title, unit.rstrip("] ")
 
 
-def _entry(where: str, given: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
-    """Content of a ``[[tolerance]]`` table."""
-    entry = {
-        name: _READ[name](where, name, _with_unit(cell, unit) if name in _WITH_UNIT else cell)
-        for name, (cell, unit) in given.items()
-    }
+def _cell(where: str, name: str, cell: str, unit: str) -> Any:
+    """Value of a cell, with the unit of its column where it has none itself."""
+    if name in _WITH_UNIT and unit and not any(letter.isalpha() for letter in cell.replace("e", "")):
+        cell = f"{cell} {unit}"
+    read, remedy = _READ[name]
+    try:
+        return read(cell)
+    except (LookupError, ValueError) as error:
+        raise InputError(f"{where}: {name} is {shown(cell)}; {remedy}") from error
+
+
+def _entry(where: str, entry: dict[str, Any]) -> dict[str, Any]:
+    """Content of a ``[[tolerance]]`` table of the values of its columns."""
     for ends, name in ((("lower", "upper"), "tolerance"), (("least", "largest"), "bounds")):
         pair = [entry.pop(end) for end in ends if end in entry]
         if len(pair) == 1 or (pair and name in entry):
@@ -101,62 +107,42 @@ def _entry(where: str, given: Mapping[str, tuple[str, str]]) -> dict[str, Any]:
     return entry
 
 
-def _with_unit(cell: str, unit: str) -> str:
-    """Cell with the unit of its column, where it has none itself."""
-    return f"{cell} {unit}" if unit and not any(letter.isalpha() for letter in cell.replace("e", "")) else cell
-
-
-def _text(where: str, name: str, cell: str) -> str:
-    return cell
-
-
-def _number(where: str, name: str, cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError as error:
-        raise InputError(f"{where}: {name} is {shown(cell)}; give a number") from error
-
-
-def _flag(where: str, name: str, cell: str) -> bool:
-    if cell.lower() not in (*_YES, *_NO):
-        raise InputError(f"{where}: {name} is {shown(cell)}; write yes or no")
-    return cell.lower() in _YES
-
-
-def _parts(where: str, name: str, cell: str) -> list[str]:
+def _parts(cell: str) -> list[str]:
     return [part.strip() for part in cell.split(",")]
 
 
-def _index(where: str, name: str, cell: str) -> Any:
-    found = [int(part) if part.lstrip("-").isdigit() else part for part in _parts(where, name, cell)]
+def _index(cell: str) -> Any:
+    found = [int(part) if part.lstrip("-").isdigit() else part for part in _parts(cell)]
     return found[0] if len(found) == 1 else found
 
 
-def _correlations(where: str, name: str, cell: str) -> dict[str, float]:
+def _correlations(cell: str) -> dict[str, float]:
     """Names and numbers of ``cams: 0.6; bores: -0.2``."""
-    pairs = [part.rpartition(":") for part in cell.split(";") if part.strip()]
-    if not all(colon for _, colon, _ in pairs):
-        raise InputError(f"{where}: {name} is {shown(cell)}; write it like 'cams: 0.6; bores: -0.2'")
-    return {other.strip(): _number(where, name, value) for other, _, value in pairs}
+    pairs = [part.rsplit(":", 1) for part in cell.split(";") if part.strip()]
+    return {other.strip(): float(value) for other, value in pairs}
 
 
-def _fit(where: str, name: str, cell: str) -> dict[str, Any]:
+def _fit(cell: str) -> dict[str, Any]:
     """Other tolerance, classes and order of ``bores: 3 opposite``."""
-    other, _, rest = cell.rpartition(":")
-    number, _, order = rest.strip().partition(" ")
-    if not other or not number.isdigit() or order.strip() not in ("", "opposite"):
-        raise InputError(f"{where}: {name} is {shown(cell)}; write it like 'bores: 3' or 'bores: 3 opposite'")
+    other, rest = cell.rsplit(":", 1)
+    number, *order = rest.split()
+    if order not in ([], ["opposite"]):
+        raise ValueError(order)
     return {"with": other.strip(), "classes": int(number), "opposite": bool(order)}
 
 
 _INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
-#: How the cells of each column are read; those of the indices have the names of the catalogue.
-_READ: Mapping[str, Callable[[str, str, str], Any]] = {
-    **dict.fromkeys(("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution"), _text),
-    **dict.fromkeys(("mean", "phase", "at", "lower", "upper", "least", "largest", "curve"), _text),
-    **dict.fromkeys(("capability", "shape", "correlation", "classes", "price", "base"), _number),
-    **{"parameter": _parts, "correlated_with": _correlations, "fit": _fit, "fixed": _flag},
-    **dict.fromkeys(_INDICES, _index),
+_FLAGS = dict.fromkeys(("true", "yes", "1", "x"), True) | dict.fromkeys(("false", "no", "0", ""), False)
+#: How the cells of each column are read, and what to write where they cannot be; indices have the catalogue's names.
+_READ: Mapping[str, tuple[Callable[[str], Any], str]] = {
+    **dict.fromkeys(("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution"), (str, "")),
+    **dict.fromkeys(("mean", "phase", "at", "lower", "upper", "least", "largest", "curve"), (str, "")),
+    **dict.fromkeys(("capability", "shape", "correlation", "classes", "price", "base"), (float, "give a number")),
+    "parameter": (_parts, ""),
+    "correlated_with": (_correlations, "write it like 'cams: 0.6; bores: -0.2'"),
+    "fit": (_fit, "write it like 'bores: 3' or 'bores: 3 opposite'"),
+    "fixed": (lambda cell: _FLAGS[cell.lower()], "write yes or no"),
+    **dict.fromkeys(_INDICES, (_index, "")),
 }
 
 
@@ -172,23 +158,19 @@ _KEYS = (
 )  # fmt: skip
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
 def _is_names(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
 
 
 def _is_correlations(value: object) -> bool:
-    return isinstance(value, dict) and all(map(_is_number, value.values()))
+    return isinstance(value, dict) and all(map(is_number, value.values()))
 
 
 #: Of a key: whether a value is of its kind, what it must be, and an example with names and size of the source.
 _KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
-    **dict.fromkeys(("name", "distribution", "phase"), (lambda v: isinstance(v, str), "a text", '"..." with quotes')),
-    **dict.fromkeys(("capability", "shape", "correlation"), (_is_number, "a bare number", "1.0")),
-    "classes": (lambda v: _is_number(v) and float(v).is_integer(), "a whole number", "4"),
+    **dict.fromkeys(("name", "distribution", "phase"), (is_text, "a text", '"..." with quotes')),
+    **dict.fromkeys(("capability", "shape", "correlation"), (is_number, "a bare number", "1.0")),
+    "classes": (lambda v: is_number(v) and float(v).is_integer(), "a whole number", "4"),
     "fixed": (lambda v: isinstance(v, bool), "true or false", "true"),
     "parameters": (_is_names, "a list", '["%(parameter)s"]'),
     "indices": (lambda v: isinstance(v, dict), "a table", "{ %(index)s = 0 }"),
@@ -313,7 +295,7 @@ def save_widths(
     lines = split_lines(text)
     for i, (item, width, grade) in enumerate(zip(before, widths, named, strict=True)):
         if not math.isclose(item.width, width, rel_tol=SAME_WIDTH):
-            entry = _Entry(where, ("tolerance", i), where.content["tolerance"][i])
+            entry = _Entry(where, *where.tables("tolerance")[i])
             at, line = entry.changed(lines, item, width, grade)
             lines[at] = line
     changed = "\n".join(lines)
@@ -336,53 +318,36 @@ def _parsed(name: str, text: str) -> TomlText:
     where = read_toml(name, text)
     content = where.content
     where.check_keys((), content, ("name", "tolerance"), "top-level key")
-    where.string((), content, "name", "")
-    listed = content.get("tolerance", [])
-    if not isinstance(listed, list):
-        where.refuse(("tolerance",), "tolerance is a single table; write '[[tolerance]]', with two brackets")
-    if not listed:
+    where.string((), content, "name")
+    if not where.tables("tolerance"):
         where.refuse((), "no tolerance; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
     return where
 
 
 def _read(where: TomlText, model: Model | None) -> tuple[Tolerance, ...]:
     """Tolerances of a text or a table."""
-    found = tuple(
-        _Entry(where, ("tolerance", i), item).read(model) for i, item in enumerate(where.content["tolerance"])
-    )
-    try:
+    found = tuple(_Entry(where, place, table).read(model) for place, table in where.tables("tolerance"))
+    with where.refusing(()):
         correlations(found)
         fits(found)
-    except InputError as error:
-        raise InputError(f"{where.path}: {error}") from error
     return found
 
 
 class _Entry:
     """Reader of one ``[[tolerance]]`` table."""
 
-    def __init__(self, where: TomlText, place: KeyPath, value: object) -> None:
-        if not isinstance(value, dict):
-            where.refuse(place, f"tolerance holds {shown(value)}, which is no table; write it below '[[tolerance]]'")
-        self.where, self.place, self.table = where, place, value
-        if "key" not in value:
-            where.refuse(place, '[[tolerance]] lacks key; write key = "crank.eccentricity", or another key')
-        key = where.string(place, value, "key", "")
-        if key not in CATALOGUE:
-            hint = did_you_mean(key, list(CATALOGUE))
-            self.refuse("key", f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
-        self.source: Source = source(key)
-        where.check_keys(place, value, _KEYS, "key of [[tolerance]]")
-        names, every = value.get("parameters") or (), self.source.parameters
+    def __init__(self, where: TomlText, place: KeyPath, table: Table) -> None:
+        self.where, self.place, self.table = where, place, table
+        self.source = source_of(where, place, table)
+        where.check_keys(place, table, _KEYS, "key of [[tolerance]]")
+        names, every = table.get("parameters") or (), self.source.parameters
         chosen = [p for p in every if _is_names(names) and p.name in names] or every  # others are refused with it
         self.dimension = chosen[0].dimension
         self.example = EXAMPLES[self.dimension]
         index = next((index.name for index in self.source.indices), "disc")
         examples = {"parameter": every[0].name, "index": index, "size": self.example}
         for name, (fits_kind, must, example) in _KINDS.items():
-            if name in value and not fits_kind(value[name]):
-                remedy = f"{name} = {example % examples}"
-                self.refuse(name, f"{name} = {shown(value[name])}: must be {must}; write {remedy}")
+            where.checked(place, table, name, fits_kind, f"{must}; write {name} = {example % examples}")
 
     def refuse(self, name: str, message: str) -> NoReturn:
         """Refuse with the line of a key."""
@@ -396,7 +361,7 @@ class _Entry:
         width = f"{size!r} {units.CORE_UNITS[self.dimension]}" if isinstance(size, float) else size
         given = {name: table[name] for name in _PLAIN if name in table}
         given |= {name: float(table[name]) for name in ("capability", "shape", "correlation") if name in table}
-        try:
+        with self.where.refusing(lambda said: (*self.place, self._blamed(said))):
             item = tolerance(
                 self.source.key,
                 width,
@@ -410,8 +375,6 @@ class _Entry:
             )
             if model is not None:
                 item.instances(model.mechanism)
-        except ValueError as error:
-            self.refuse(self._blamed(str(error)), str(error))
         return item
 
     def changed(self, lines: Sequence[str], item: Tolerance, width: float, grade: str | None) -> tuple[int, str]:
@@ -453,11 +416,8 @@ class _Entry:
         return name if name in self.table else "key"
 
     def _number(self, name: str, table: Mapping[str, Any], place: KeyPath) -> float:
-        value = table[name]
-        if not _is_number(value):
-            said = f"{name} = {shown(value)}: must be a bare number; write {name} = 1.0"
-            self.where.refuse((*self.place, *place, name), said)
-        return float(value)
+        must = f"a bare number; write {name} = 1.0"
+        return float(self.where.checked((*self.place, *place), table, name, is_number, must, 0.0))
 
     def _quantity(self, name: str, value: object) -> float:
         return self.where.quantity((*self.place, name), value, self.dimension, self.example)
@@ -495,7 +455,7 @@ class _Entry:
         if given == ["samples"]:
             return None, self._with_units("samples")
         if given == ["grade"]:
-            return self._grade(self.where.string(self.place, self.table, "grade", ""), self.table, ("grade",)), None
+            return self._grade(self.where.string(self.place, self.table, "grade"), self.table, ("grade",)), None
         return self._with_units("tolerance"), None
 
     def _grade(self, grade: str, table: Mapping[str, Any], place: KeyPath) -> float:
@@ -503,10 +463,8 @@ class _Entry:
         at = (*self.place, *place)
         if self.dimension != "length":
             self.where.refuse(at, f"{self.source.key}: a grade is of a length, and this is none; give a tolerance")
-        try:
+        with self.where.refusing(at):
             number = class_of(grade)
-        except ValueError as error:
-            self.where.refuse(at, str(error))
         needed, other = _PARTS if number is None else _PARTS[::-1]
         what = "the size of the part" if number is None else "the gear's reference diameter and module"
         if missing := [name for name in needed if name not in table]:
@@ -515,14 +473,12 @@ class _Entry:
         if beside := [name for name in other if name in table]:
             self.where.refuse(at, f"{beside[0]} beside the grade {grade!r}, which needs {what} alone; leave it out")
         sizes = {name: self.where.quantity((*at[:-1], name), table[name], "length", needed[name]) for name in needed}
-        try:
+        with self.where.refusing(at):
             if number is None:
                 return it_width(grade, **sizes) / 2
             found = self._indices().get("harmonic", 1)
             waves = [h for h in (found if isinstance(found, list) else [found]) if isinstance(h, int)]
             return gear_limit(self.source.key, number, harmonics=waves, **sizes)
-        except ValueError as error:
-            self.where.refuse(at, str(error))
 
     def _cost(self) -> Cost | None:
         value = self.table.get("cost")
@@ -535,12 +491,8 @@ class _Entry:
             self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
         kind = kinds[0]
         self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
-        try:
+        with self.where.refusing((*self.place, "cost"), "cost: "):
             return {"curve": self._curve, "grades": self._grades, "table": self._price_table}[kind](value)
-        except ValueError as error:
-            if str(error).startswith(self.where.path):
-                raise
-            self.refuse("cost", f"cost: {error}")
 
     def _cost_example(self, kind: str) -> str:
         return _COST_EXAMPLES[kind].replace("%s", self.example)
@@ -553,7 +505,7 @@ class _Entry:
             if name not in value:
                 self.refuse("cost", f"the cost has no {name}; write {self._cost_example('curve')}")
         price = self._number("price", value, ("cost",))
-        base = self._number("base", value, ("cost",)) if "base" in value else 0.0
+        base = self._number("base", value, ("cost",))
         return _CURVES[curve](price=price, at=self._quantity("cost", value["at"]), base=base)
 
     def _grades(self, value: Mapping[str, Any]) -> Cost:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array, Flags
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
 from rverror.diagnosis.gears.waveform import Conditioned, under
@@ -202,10 +202,8 @@ def records_of(model: Model, runs: Sequence[Run]) -> tuple[list[Record], list[st
                 "measure a longer stretch, or more samples a turn"
             )
         light = _light(waves, theta)
-        try:
+        with refusing(f"{name}: "):
             faults = find_faults(theta, levelled(error, light))
-        except ValueError as problem:
-            raise InputError(f"{name}: {problem}") from problem
         notes += [f"{name}: {note}" for note in faults.notes()]
         shared = label if labels.count(label) > 1 and label else ""
         torque = waves or run.torque or None

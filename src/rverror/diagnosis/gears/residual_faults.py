@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import refusing
 from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
 from rverror.runs.faults import Faults, find_faults
@@ -46,10 +46,8 @@ def without_residual_faults(
             continue
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
         known = Faults(record.theta, record.kept, np.zeros(0, dtype=np.intp), np.zeros(0))
-        try:
+        with refusing(f"{record.name}: "):
             found = find_faults(record.theta, clean, residual=True, earlier=known)
-        except ValueError as problem:
-            raise InputError(f"{record.name}: {problem}") from problem
         if found.spikes.size or found.slips:
             changed = True
             slips = tuple(sorted({*record.slips, *(slip.index for slip in found.slips)}))

@@ -7,6 +7,7 @@ wrong byte may end the process (scipy 1.17: 33 of 3,456 files with one); it read
 from __future__ import annotations
 
 import logging
+import math
 import pickle
 import subprocess
 import sys
@@ -50,61 +51,63 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         If h5py is not installed, or the file is damaged.
     """
     name = str(path)
-    h5py = _h5py(name)
+    with _needing(name, "HDF5 files need h5py"):
+        import h5py
+    found: list[tuple[Entry, str, Any]] = []
+    properties: dict[str, str] = {}
+
+    def add(at: str, item: Any) -> None:
+        if isinstance(item, h5py.Group):
+            properties.update({f"{at}/{key}".lstrip("/"): _text(value) for key, value in item.attrs.items()})
+        elif isinstance(item, h5py.Dataset) and not at.startswith("#"):  # where MATLAB keeps what cells refer to
+            found.extend((entry, at, place) for entry, place in _of_dataset(at, item))
+            if len(found) > MOST_COLUMNS:
+                refuse(name, f"more than {MOST_COLUMNS:,} data sets; export fewer")
+
     with refused_in_one_line(name, kind), h5py.File(name, "r", locking="best-effort") as file:
-        entries = tuple(_entries(name, h5py, file))
-        properties = _properties(file)
+        add("", file)
+        file.visititems(add)  # each once; it follows no link to another place
 
     def columns(places: Sequence[int]) -> list[RawArray]:
         with refused_in_one_line(name, kind), h5py.File(name, "r", locking="best-effort") as file:
-            return [_array(h5py, file, entries[place].name) for place in places]
+            return [np.asarray(file[at][place]) for _, at, place in map(found.__getitem__, places)]
 
-    return BenchFile(path=name, kind=kind, entries=entries, columns=columns, properties=properties)
-
-
-def _h5py(path: str) -> Any:
-    try:
-        import h5py
-    except ImportError as error:
-        raise InputError(f"{path}: HDF5 files need h5py; install it with: pip install 'rverror[io]'") from error
-    return h5py
-
-
-def _entries(path: str, h5py: Any, file: Any) -> list[Entry]:
-    """Data sets of all groups; h5py visits each once, and follows no link to another place."""
-    found: list[Entry] = []
-
-    def add(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):  # where MATLAB keeps what cells refer to
-            found.extend(_of_dataset(name, item))
-            if len(found) > MOST_COLUMNS:
-                refuse(path, f"more than {MOST_COLUMNS:,} data sets; export fewer")
-
-    file.visititems(add)
-    return found
-
-
-def _of_dataset(name: str, data: Any) -> Iterator[Entry]:
-    if data.dtype.names and set(data.dtype.names) != {"real", "imag"}:
-        for column in data.dtype.names:  # a table: one entry for each of its columns
-            yield Entry(name=f"{name}/{column}", size=int(data.size), problem=_problem(data, data.dtype[column]))
-        return
-    shape = tuple(data.shape or ())
-    if (axis := channel_axis(shape)) >= 0:  # a matrix: one entry for each of its channels
-        size = shape[1 - axis]
-        problem = _problem(data, data.dtype, (size,))
-        for number in range(shape[axis]):
-            yield Entry(name=f"{name}/{number + 1}", unit=_unit(data), size=size, problem=problem)
-        return
-    yield Entry(
-        name=name,
-        unit=_unit(data),
-        size=-1 if data.size is None else int(data.size),
-        problem=_problem(data, data.dtype),
+    return BenchFile(
+        path=name, kind=kind, entries=tuple(entry for entry, _, _ in found), columns=columns, properties=properties
     )
 
 
-def _problem(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...] | None = None) -> str:
+@contextmanager
+def _needing(path: str, needed: str) -> Iterator[None]:
+    """Refuse a file whose library is not installed."""
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(f"{path}: {needed}; install it with: pip install 'rverror[io]'") from error
+
+
+def _vectors(name: str, shape: tuple[int, ...]) -> list[tuple[str, Any, tuple[int, ...]]]:
+    """Name, place and shape of each channel of a matrix; of what is none those of the whole."""
+    axis = channel_axis(shape)
+    if axis < 0:
+        return [(name, (), shape)]
+    places = ((slice(None), number) if axis else number for number in range(shape[axis]))
+    return [(f"{name}/{number}", place, (shape[1 - axis],)) for number, place in enumerate(places, 1)]
+
+
+def _of_dataset(name: str, data: Any) -> Iterator[tuple[Entry, Any]]:
+    """Columns of a data set, each with its place in it."""
+    if data.dtype.names and set(data.dtype.names) != {"real", "imag"}:
+        for column in data.dtype.names:  # a table: one entry for each of its columns
+            problem = _problem(data, data.dtype[column], data.shape)
+            yield Entry(name=f"{name}/{column}", size=int(data.size), problem=problem), column
+        return
+    for channel, place, shape in _vectors(name, tuple(data.shape or ())):
+        problem = _problem(data, data.dtype, shape)
+        yield Entry(name=channel, unit=_unit(data), size=math.prod(shape), problem=problem), place
+
+
+def _problem(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
     matlab = _text(data.attrs.get("MATLAB_class", ""))
     if matlab not in _MATLAB_NUMBERS:
         return f"is a MATLAB {matlab}; store it as a plain vector of numbers"
@@ -114,35 +117,12 @@ def _problem(data: Any, dtype: np.dtype[Any], shape: tuple[int, ...] | None = No
         return "keeps its numbers in another file; copy them into this one"
     if dtype.names:
         return "holds complex numbers; store real and imaginary part apart"
-    return kind_problem(dtype) or shape_problem(data.shape if shape is None else shape)
-
-
-def _array(h5py: Any, file: Any, name: str) -> RawArray:
-    if name in file and isinstance(file[name], h5py.Dataset):
-        return np.asarray(file[name][()])
-    table, _, column = name.rpartition("/")
-    data = file[table]
-    if data.dtype.names:
-        return np.asarray(data.fields(column)[()])
-    at = int(column) - 1
-    return np.asarray(data[:, at] if channel_axis(data.shape) else data[at, :])
+    return kind_problem(dtype) or shape_problem(shape)
 
 
 def _unit(data: Any) -> str:
     attributes = {str(key).lower(): value for key, value in data.attrs.items()}
     return next((_text(attributes[key]) for key in _UNIT_ATTRIBUTES if key in attributes), "")
-
-
-def _properties(file: Any) -> dict[str, str]:
-    """Attributes of the file, and those of its groups with the group's name before them."""
-    found = {str(key): _text(value) for key, value in file.attrs.items()}
-
-    def add(name: str, item: Any) -> None:
-        if hasattr(item, "keys"):
-            found.update({f"{name}/{key}": _text(value) for key, value in item.attrs.items()})
-
-    file.visititems(add)
-    return found
 
 
 def _text(value: Any) -> str:
@@ -211,12 +191,11 @@ def _columns(name: str, value: Any) -> Iterator[tuple[Entry, RawArray]]:
         for field in value.dtype.names:
             yield from _columns(f"{name}/{field}", value[field].flat[0])
         return
-    problem = kind_problem(value.dtype)
-    if problem or (axis := channel_axis(value.shape)) < 0:
-        yield Entry(name=name, size=value.size, problem=problem or shape_problem(value.shape)), value
+    if problem := kind_problem(value.dtype):
+        yield Entry(name=name, problem=problem), value
         return
-    for number, channel in enumerate(np.moveaxis(value, axis, 0), 1):
-        yield Entry(name=f"{name}/{number}", size=channel.size, problem=shape_problem(channel.shape)), channel
+    for channel, place, shape in _vectors(name, value.shape):
+        yield Entry(name=channel, size=math.prod(shape), problem=shape_problem(shape)), value[place]
 
 
 #: Bytes with which a file begins.
@@ -269,18 +248,16 @@ def _channels(file: Any) -> list[Any]:
 
 @contextmanager
 def _opened(path: str) -> Iterator[Any]:
-    try:
+    with _needing(path, "TDMS files need npTDMS"):
         from nptdms import TdmsFile
-        from nptdms.log import log_manager
-    except ImportError as error:
-        raise InputError(f"{path}: TDMS files need npTDMS; install it with: pip install 'rverror[io]'") from error
-    level = log_manager.log_level
-    log_manager.set_level(logging.CRITICAL + 1)  # what npTDMS would print of a file that is cut off, a note says
+        from nptdms.log import log_manager as log
+    level = log.log_level
+    log.set_level(logging.CRITICAL + 1)  # what npTDMS would print of a file that is cut off, a note says
     try:
         with refused_in_one_line(path, "TDMS"), open(path, "rb") as raw:
             yield TdmsFile.open(raw)
     finally:
-        log_manager.set_level(level)
+        log.set_level(level)
 
 
 def _entry(channel: Any) -> Entry:

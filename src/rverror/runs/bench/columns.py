@@ -21,6 +21,14 @@ MOST_COLUMNS = 10_000
 _MOST_LISTED = 8
 _EXACT = 2**53  # whole numbers beyond it have no float64 of their own
 
+#: Why values of a kind of numpy's are no column, with the remedy; empty where they are.
+_KINDS = {
+    **dict.fromkeys("fiuMm", ""),
+    "c": "holds complex numbers; store real and imaginary part apart",
+    "b": "holds true and false; take a column of numbers",
+    **dict.fromkeys("SUT", "holds text; take a column of numbers"),
+}
+
 RawArray = np.ndarray[Any, np.dtype[Any]]
 
 
@@ -173,15 +181,7 @@ def kind_problem(dtype: np.dtype[Any]) -> str:
     >>> kind_problem(np.dtype(np.complex128))
     'holds complex numbers; store real and imaginary part apart'
     """
-    if dtype.kind in "fiuMm":
-        return ""
-    if dtype.kind == "c":
-        return "holds complex numbers; store real and imaginary part apart"
-    if dtype.kind == "b":
-        return "holds true and false; take a column of numbers"
-    if dtype.kind in "SUT":
-        return "holds text; take a column of numbers"
-    return "holds objects, cells or structures; store it as a plain vector of numbers"
+    return _KINDS.get(dtype.kind, "holds objects, cells or structures; store it as a plain vector of numbers")
 
 
 def as_samples(path: str, what: str, array: RawArray, *, time: bool = False) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import islice, zip_longest
 
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, read_bytes, shown, split_lines
 from rverror.base.toml import quoted
 from rverror.runs.bench.columns import Entry
@@ -25,7 +26,7 @@ from rverror.runs.bench.text import (
     trimmed,
     unit_in_name,
 )
-from rverror.runs.reading import COLUMNS, refuse
+from rverror.runs.reading import DIMENSIONS, refuse
 
 #: Words of a name that tell a column, German compounds such as Antriebswinkel among them.
 _SIDES = {
@@ -92,11 +93,10 @@ def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
     """
     found: dict[str, list[Entry]] = {key: [] for key in _SIDES}
     for entry in entries:
-        words = _words(entry.name)
-        sides = [key for key, pattern in _SIDES.items() if any(re.fullmatch(pattern, word) for word in words)]
-        if len(sides) == 1 and not entry.problem and _may_be(COLUMNS[sides[0]], entry):
+        sides = [key for key, pattern in _SIDES.items() if _says(re.compile(pattern), entry)]
+        if len(sides) == 1 and not entry.problem and _may_be(DIMENSIONS[sides[0]], entry):
             found[sides[0]].append(entry)
-    return {key: _guess(fitting, COLUMNS[key]) for key, fitting in found.items()}
+    return {key: _guess(fitting, DIMENSIONS[key]) for key, fitting in found.items()}
 
 
 def _guess(fitting: Sequence[Entry], dimension: str) -> Guess:
@@ -116,9 +116,7 @@ def _words(name: str) -> list[str]:
 
 
 def _may_be(dimension: str, entry: Entry) -> bool:
-    if unit_of(entry, dimension):
-        return True
-    return not entry.unit and not _OTHER.search(entry.name.lower())
+    return bool(unit_of(entry, dimension)) or not (entry.unit or _OTHER.search(entry.name.lower()))
 
 
 def unit_of(entry: Entry, dimension: str) -> str:
@@ -178,10 +176,7 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
         entries: Sequence[Entry] = file.entries
         values = [f"{key} = {value}" for key, value in file.properties.items()]
     else:
-        raw = read_bytes(path)
-        encoding, remark = found_encoding(raw)
-        head, entries, values = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
-        head[1:2] = [head[1], f"encoding = {quoted(encoding)}{remark}"]
+        head, entries, values = described_text(path)
     lines = [f"# Mapping for files like {shown(str(path), 80)}.", *head, "", "# Columns of the file:"]
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
@@ -206,12 +201,25 @@ def _proposed(key: str, guess: Guess, line: str) -> str:
 
 
 def _described(entry: Entry) -> str:
-    plural = "s" if entry.size != 1 else ""
-    facts = [f"{entry.size} sample{plural}"] if entry.size >= 0 and not entry.problem else []
+    facts = [count_of(entry.size, "sample")] if entry.size >= 0 and not entry.problem else []
     facts += [f"unit {entry.unit}"] if entry.unit else []
     facts += [f"every {entry.increment:g} s"] if entry.increment else []
     facts += [entry.problem] if entry.problem else []
     return " ".join(f"{quoted(entry.name)}  {', '.join(facts)}".split("\n")).rstrip()
+
+
+def described_text(path: PathLike) -> tuple[list[str], list[Entry], list[str]]:
+    """`described_lines` of a text file, with its encoding.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or no rows of numbers are found.
+    """
+    raw = read_bytes(path)
+    encoding, remark = found_encoding(raw)
+    head, entries, above = described_lines(str(path), split_lines(decoded(str(path), raw, encoding)))
+    return [*head[:2], f"encoding = {quoted(encoding)}{remark}", *head[2:]], entries, above
 
 
 def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[Entry], list[str]]:

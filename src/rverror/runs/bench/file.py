@@ -8,10 +8,9 @@ from typing import NoReturn
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, did_you_mean, shown
+from rverror.base.text import PathLike, did_you_mean, file_head, shown
 from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
 from rverror.runs.bench.columns import BenchFile, Entry, some_names
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule, HeaderRule, Where, meant_unit, unit_scale
@@ -20,25 +19,23 @@ from rverror.runs.bench.values import core_values
 from rverror.runs.integration import integrated
 from rverror.runs.reading import (
     COLUMN_NAME,
-    COLUMNS,
-    EXAMPLES,
+    DIMENSIONS,
     HEADER_KEYS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
+    RUN_COLUMNS,
     SPEEDS,
     STATED,
-    Header,
+    UNITS,
     Reading,
     Stated,
     bare_name,
     check_lengths,
     check_needed,
-    checked_value,
     refuse,
+    stated_value,
 )
 
 _MAT_HEADER = 128
-_EXAMPLES = EXAMPLES | ORDER_EXAMPLES
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
@@ -55,15 +52,15 @@ def is_bench_file(path: PathLike) -> bool:
     return _kind(path) != "text"
 
 
-def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Mapping[str, str] = COLUMNS) -> BenchFile:
+def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Sequence[str] = RUN_COLUMNS) -> BenchFile:
     """List what a file holds.
 
     Parameters
     ----------
     mapping : BenchMapping
         Of a text file, how it is written and which names are looked for.
-    standard : mapping of str to str
-        Names that are looked for where the mapping has none, with their dimension.
+    standard : sequence of str
+        Names that are looked for where the mapping has none.
 
     Raises
     ------
@@ -94,30 +91,51 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         refuse(str(path), f"{mapping.path} describes an order table by [orders], which holds no samples, and only "
                           "diagnose takes one; give a run file here, or a mapping with [columns]")  # fmt: skip
     file = open_bench_file(path, mapping)
-    rules = dict(mapping.columns) or standard_rules(file, mapping, COLUMNS)
+    rules = dict(mapping.columns) or standard_rules(file, mapping, RUN_COLUMNS)
     others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
     names = [*(SPEEDS.get(key, key) for key in rules), *others]
     check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    stored = dict(zip(entries, file.read(entries.values()), strict=True))
-    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
-    check_lengths(file.path, sizes, "record them at one rate, or export them again")
     notes = list(file.notes)
-    columns = {key: core_values(file, key, rule, entries[key], stored[key], notes) for key, rule in rules.items()}
-    size = next(iter(sizes.values()))
+    entries, columns = core_columns(file, mapping, rules, notes)
+    size = next(iter(columns.values())).size
     if "time" not in columns:
-        columns |= _clock(file, [entries[key] for key in rules], size, notes)
-    header = read_header(file, mapping, notes)
+        columns |= _clock(file, list(entries.values()), size, notes)
+    header = header_values(file, mapping, HEADER_KEYS, notes)
+    stated = stated_conditions(file, header, HEADER_KEYS)
+    if "direction" in header:
+        stated["direction"] = _direction(file, header["direction"]), header["direction"].at
     notes += left_out_columns(file, list(entries.values()))
     reading = Reading(
         path=file.path,
         columns=columns,
         labels=file.rows(size),
         noun=file.noun,
+        stated=stated,
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
         notes=tuple(notes),
-        **vars(header),
     )
     return integrated(reading)
+
+
+def core_columns(
+    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], notes: list[str]
+) -> tuple[dict[str, Entry], dict[str, Array]]:
+    """Entries of known columns, and those that are numbers in core units; `notes` gets what was assumed.
+
+    Raises
+    ------
+    InputError
+        If one cannot be used, or they differ in length.
+    """
+    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    numbers = [key for key in rules if key != "direction"]
+    stored = dict(zip(numbers, file.read(entries[key] for key in numbers), strict=True))
+    sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
+    check_lengths(file.path, sizes, "record them at one rate, or export them again")
+    return entries, {
+        key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()
+    }
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
@@ -133,10 +151,8 @@ def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
 
 
 def _kind(path: PathLike) -> str:
-    try:
-        with open(path, "rb") as file:
-            head = file.read(1024)
-    except (OSError, ValueError):
+    head = file_head(path, 1024)
+    if not head:
         return "text"
     mat = head[124:128] in (b"\x00\x01IM", b"\x01\x00MI", b"\x00\x02IM", b"\x02\x00MI")
     if HDF5_SIGNATURE in (head[:8], head[512:520]):
@@ -163,13 +179,13 @@ def _wanted(mapping: BenchMapping) -> list[str | int]:
     return [rule.where.column or rule.where.name for rule in rules]
 
 
-def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str, str]) -> dict[str, ColumnRule]:
+def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Sequence[str]) -> dict[str, ColumnRule]:
     """Rules for columns with the names of a run file or an order table, in the stated group.
 
     Parameters
     ----------
-    standard : mapping of str to str
-        Those names, with the dimension of each.
+    standard : sequence of str
+        Those names.
 
     Raises
     ------
@@ -191,12 +207,13 @@ def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Mapping[str
         where = Where(name=entry.name.removeprefix(above), column=number if text else 0)
         stated = COLUMN_NAME.match(last)
         unit = (stated[2] if stated and stated[2] else entry.unit).strip()
-        rules[key] = _standard_rule(file, key, place, where, unit, standard[key])
+        rules[key] = _standard_rule(file, key, place, where, unit)
     return rules
 
 
-def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: str, dimension: str) -> ColumnRule:
-    example = f"{key}[{_EXAMPLES[key]}]" if dimension else key
+def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: str) -> ColumnRule:
+    dimension = DIMENSIONS[key]
+    example = f"{key}[{UNITS[key]}]" if dimension else key
     remedy = f"write {example!r}, or state the unit in a mapping (rverror read FILE --draft begins one)"
     if not dimension:
         if unit:
@@ -276,35 +293,14 @@ def _clock(file: BenchFile, found: Sequence[Entry], size: int, notes: list[str])
     return {"time": np.arange(size, dtype=np.float64) * intervals[0]}
 
 
-def read_header(file: BenchFile, mapping: BenchMapping, notes: list[str]) -> Header:
-    """Header of a run: from the mapping, or from a file that names it as a run file does.
-
-    Parameters
-    ----------
-    notes : list of str
-        Gets what has no meaning but may be meant.
-
-    Raises
-    ------
-    InputError
-        If a value is missing, has no unit or is none.
-    """
-    stated = header_values(file, mapping, HEADER_KEYS, notes)
-    direction = stated.get("direction")
-    if direction and direction.text.lower() not in STATED:
-        hint = did_you_mean(direction.text, STATED)
+def _direction(file: BenchFile, stated: Stated) -> float:
+    if stated.text.lower() not in STATED:
+        hint = did_you_mean(stated.text, STATED)
         file.refuse(
-            f"{direction.at}: direction = {shown(direction.text)}: must be forward, reverse or mixed;"
+            f"{stated.at}: direction = {shown(stated.text)}: must be forward, reverse or mixed;"
             f"{hint or ' without it the angles tell'}"
         )
-    return Header(
-        stated=STATED[direction.text.lower()] if direction else None,
-        stated_at=f"{direction.at}: " if direction else "",
-        torque=header_quantity(file, "output_torque", stated),
-        temperature=header_quantity(file, "temperature", stated),
-        index=stated["index"].text if "index" in stated else "",
-        metadata={key: value.text for key, value in stated.items()},
-    )
+    return STATED[stated.text.lower()]
 
 
 def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], notes: list[str]) -> dict[str, Stated]:
@@ -337,22 +333,21 @@ def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], n
     return stated
 
 
-def header_quantity(file: BenchFile, key: str, stated: Mapping[str, Stated]) -> float | None:
-    """Value of a condition in its core unit; None where the header has none.
+def stated_conditions(
+    file: BenchFile, header: Mapping[str, Stated], keys: Sequence[str]
+) -> dict[str, tuple[float, str]]:
+    """Conditions among some keys of a header, in core units, each with its place.
 
     Raises
     ------
     InputError
-        If it has no unit or is none.
+        If one has no unit or is none.
     """
-    if key not in stated:
-        return None
-    dimension, at = ORDER_CONDITIONS[key], stated[key].at
-    try:
-        number = units.parse(stated[key].text, dimension)
-    except ValueError as error:
-        file.refuse(f"{at}: {key}: {error}")
-    return checked_value(file.path, f"{at}: {key}", number, dimension)
+    return {
+        key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
+        for key, stated in header.items()
+        if key in keys and key in ORDER_CONDITIONS
+    }
 
 
 def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:

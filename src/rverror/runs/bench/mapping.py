@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rverror.base import units
+from rverror.base.directions import DIRECTIONS
 from rverror.base.text import PathLike, did_you_mean, read_text, shown
-from rverror.base.toml import KeyPath, TomlText, read_toml
+from rverror.base.toml import KeyPath, TomlText, is_number, is_whole, read_toml
 from rverror.runs.reading import (
-    BENCH_COLUMNS,
-    BENCH_EXAMPLES,
+    DIMENSIONS,
     HEADER_KEYS,
     ORDER_COLUMNS,
     ORDER_CONDITIONS,
-    ORDER_EXAMPLES,
+    RUN_COLUMNS,
     SPEEDS,
     STATED,
+    UNITS,
 )
 
 #: Words of the trade that pint reads as something else, or not at all.
@@ -79,7 +81,6 @@ _COLUMN = ("name", "column", "unit", "sign", "scale", "counts_per_turn", "wraps_
 _ORDER_COLUMN = ("name", "column", "unit", "scale")
 _WAVES = ("amplitude", "phase", "cos", "sin")  # each may count the other way
 _UNITLESS = ("name", "column", "scale")
-_EVERY_EXAMPLE = BENCH_EXAMPLES | ORDER_EXAMPLES
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEADER_EXAMPLES = {
     "output_torque": "20 N*m",
@@ -234,10 +235,10 @@ def load_mapping(path: PathLike) -> BenchMapping:
     """
     toml = read_toml(str(path), read_text(path))
     toml.check_keys((), toml.content, _TOP, "table of a mapping")
-    toml.string((), toml.content, "name", "")
-    tables = {name: _table(toml, (name,), toml.content.get(name, {})) for name in _TOP[1:]}
+    toml.string((), toml.content, "name")
+    tables = {name: toml.table(name) for name in _TOP[1:]}
     toml.check_keys(("file",), tables["file"], _FILE, "key of [file]")
-    toml.check_keys(("columns",), tables["columns"], tuple(BENCH_COLUMNS), "column")
+    toml.check_keys(("columns",), tables["columns"], (*RUN_COLUMNS, *SPEEDS), "column")
     for speed, angle in SPEEDS.items():
         if {speed, angle} <= tables["columns"].keys():
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
@@ -247,8 +248,8 @@ def load_mapping(path: PathLike) -> BenchMapping:
     toml.check_keys(("header",), tables["header"], keys, "key of [header]")
     return BenchMapping(
         path=str(path),
-        group=toml.string(("file",), tables["file"], "group", "").strip("/"),
-        text=text_rules(toml, tables["file"]),
+        group=toml.string(("file",), tables["file"], "group").strip("/"),
+        text=text_rules(toml),
         columns={key: _column_rule(toml, key, value) for key, value in tables["columns"].items()},
         orders=_order_rules(toml, tables["orders"], tables["header"]),
         header={
@@ -263,13 +264,7 @@ def given_mapping(mapping: PathLike | BenchMapping | None) -> BenchMapping | Non
     return mapping if mapping is None or isinstance(mapping, BenchMapping) else load_mapping(mapping)
 
 
-def _table(toml: TomlText, place: KeyPath, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        toml.refuse(place, f"{place[-1]} = {shown(value)}: must be a table; write '[{place[-1]}]' and keys below it")
-    return value
-
-
-def text_rules(toml: TomlText, table: Mapping[str, Any]) -> TextRules:
+def text_rules(toml: TomlText) -> TextRules:
     """How a text file is written, of the keys of ``[file]``.
 
     Raises
@@ -277,17 +272,14 @@ def text_rules(toml: TomlText, table: Mapping[str, Any]) -> TextRules:
     InputError
         If a value is none that a text can have.
     """
-    place = ("file",)
-    given = {key: toml.string(place, table, key, "") for key in ("encoding", "separator", "decimal")}
+    place, table = ("file",), toml.table("file")
+    given = {key: toml.string(place, table, key) for key in ("encoding", "separator", "decimal")}
     for key, known in (("separator", _SEPARATORS), ("decimal", (".", ","))):
-        if key in table and given[key] not in known:
-            listed = ", ".join(repr(sign) for sign in known)
-            toml.refuse((*place, key), f"{key} = {shown(given[key])}: must be one of {listed}")
+        toml.checked(place, table, key, known.__contains__, f"one of {', '.join(map(repr, known))}")
     if "encoding" in table:
         _check_encoding(toml, given["encoding"])
-    skip = table.get("skip", -1)
-    if "skip" in table and (isinstance(skip, bool) or not isinstance(skip, int) or skip < 0):
-        toml.refuse((*place, "skip"), f"skip = {shown(skip)}: must be a whole number of lines, 0 or more")
+    must = "a whole number of lines, 0 or more"
+    skip = toml.checked(place, table, "skip", lambda lines: is_whole(lines) and lines >= 0, must, -1)
     return TextRules(skip=skip, **given)
 
 
@@ -313,11 +305,10 @@ def _where(
         toml.refuse(place, f"{place[-1]} {what} {', '.join(kinds)}; write {place[-1]} = {{ {example} }}")
     stated_at = _stated_at(toml, place)
     if given == ["column"]:
-        number = table["column"]
-        if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            toml.refuse((*place, "column"), f"column = {shown(number)}: must be a whole number, counted from 1")
+        must = "a whole number, counted from 1"
+        number = toml.checked(place, table, "column", lambda column: is_whole(column) and column > 0, must)
         return Where(column=number, stated_at=stated_at)
-    text = toml.string(place, table, given[0], "").strip()
+    text = toml.string(place, table, given[0]).strip()
     if not text:
         toml.refuse((*place, given[0]), f'{given[0]} is empty; write {given[0]} = "..." as the file has it')
     name, property_ = (text, "") if given == ["name"] else ("", text)
@@ -330,41 +321,29 @@ def _stated_at(toml: TomlText, place: KeyPath) -> str:
 
 def _number(toml: TomlText, place: KeyPath, table: Mapping[str, Any], key: str) -> float | None:
     """A number above 0; None where the key is not given."""
-    if key not in table:
-        return None
-    value = table[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
-        remedy = "; a column that counts the other way gets sign = -1" if key == "scale" else ""
-        toml.refuse((*place, key), f"{key} = {shown(value)}: must be a number above 0{remedy}")
-    return float(value)
+    must = "a number above 0" + ("; a column that counts the other way gets sign = -1" if key == "scale" else "")
+    value = toml.checked(place, table, key, lambda number: is_number(number) and 0 < number < 1e300, must)
+    return None if value is None else float(value)
 
 
 def _column_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
     place: KeyPath = ("columns", key)
-    example = f'name = "...", unit = "{BENCH_EXAMPLES[key]}"'
+    example = f'name = "...", unit = "{UNITS[key]}"'
     table = column_table(toml, place, value, example, _COLUMN)
     per_turn, wraps_at = (_number(toml, place, table, name) for name in ("counts_per_turn", "wraps_at"))
-    if toml.string(place, table, "unit", "").strip() == "counts":
-        if BENCH_COLUMNS[key] != "angle" or key == "te":
+    if toml.string(place, table, "unit").strip() == "counts":
+        if DIMENSIONS[key] != "angle" or key == "te":
             toml.refuse((*place, "unit"), f"{key} in counts; only input_angle and output_angle may be counts")
         if per_turn is None:
             toml.refuse(place, f"{key} in counts lacks counts_per_turn; write counts_per_turn = 4 * lines of the disc")
         if "scale" in table:
             toml.refuse((*place, "scale"), "counts have counts_per_turn and no scale; leave scale out")
-        sign = _sign(toml, place, table)
-        return ColumnRule(
-            where=_where(toml, place, table, example),
-            unit="counts",
-            factor=sign * units.unit_factor("turn", "angle") / per_turn,
-            scaled=True,
-            sign=sign,
-            counts=True,
-            wraps_at=wraps_at or 0.0,
-        )
+        in_angle = scaled_rule(toml, place, {**table, "unit": "rad", "scale": math.tau / per_turn}, example, "angle")
+        return replace(in_angle, counts=True, wraps_at=wraps_at or 0.0)
     for name, number in (("counts_per_turn", per_turn), ("wraps_at", wraps_at)):
         if number is not None:
             toml.refuse((*place, name), f'{name} belongs to counts; write unit = "counts", or leave {name} out')
-    return scaled_rule(toml, place, table, example, BENCH_COLUMNS[key])
+    return scaled_rule(toml, place, table, example, DIMENSIONS[key])
 
 
 def column_table(toml: TomlText, place: KeyPath, value: object, example: str, keys: Sequence[str]) -> dict[str, Any]:
@@ -383,11 +362,14 @@ def column_table(toml: TomlText, place: KeyPath, value: object, example: str, ke
     return table
 
 
+def is_sign(value: object) -> bool:
+    """Tell 1 and -1."""
+    return is_number(value) and value in (1, -1)
+
+
 def _sign(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> float:
-    sign = table.get("sign", 1)
-    if isinstance(sign, bool) or sign not in (1, -1):
-        toml.refuse((*place, "sign"), f"sign = {shown(sign)}: must be 1 or -1; write -1 where it counts the other way")
-    return float(sign)
+    must = "1 or -1; write -1 where it counts the other way"
+    return float(toml.checked(place, table, "sign", is_sign, must, 1))
 
 
 def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
@@ -409,26 +391,24 @@ def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], exampl
     """
     key = place[-1]
     where = _where(toml, place, table, example)
-    unit = toml.string(place, table, "unit", "").strip()
+    unit = toml.string(place, table, "unit").strip()
     sign, scale = _sign(toml, place, table), _number(toml, place, table, "scale")
     if not dimension:
         return ColumnRule(where=where, factor=scale or 1.0, scaled=True)
     if scale is not None and not unit:
-        named = _EVERY_EXAMPLE.get(str(key), units.DISPLAY_UNITS[dimension])
+        named = UNITS.get(str(key), units.DISPLAY_UNITS[dimension])
         toml.refuse(place, f'{key} has a scale but no unit; write unit = "{named}", that of scaled numbers')
     factor = zero = 0.0
     if unit:
-        try:
+        with toml.refusing((*place, "unit"), f"{key}: "):
             factor, zero = unit_scale(unit, dimension)
             factor *= sign * (scale or 1.0)
-        except ValueError as error:
-            toml.refuse((*place, "unit"), f"{key}: {error}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero, scaled=scale is not None, sign=sign)
 
 
 def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> dict[str, str]:
     """The bench's words for the directions, in lower case; empty where the table has none."""
-    given = {key: toml.string(place, table, key, "").strip().lower() for key in ("forward", "reverse") if key in table}
+    given = {key: toml.string(place, table, key).strip().lower() for key in ("forward", "reverse") if key in table}
     for one, other in (("forward", "reverse"), ("reverse", "forward")):
         if one in given and not given.get(other):
             toml.refuse(place, f'{place[-1]} has no word for {other}; write {other} = "..." as the file has it')
@@ -438,7 +418,7 @@ def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -
 
 
 def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> dict[str, ColumnRule]:
-    toml.check_keys(("orders",), table, ("direction", *ORDER_COLUMNS), "column")
+    toml.check_keys(("orders",), table, ORDER_COLUMNS, "column")
     for key in table:
         if key in header:
             toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
@@ -451,8 +431,8 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
         example = 'name = "...", forward = "...", reverse = "..."'
         table = column_table(toml, place, value, example, ("name", "column", "forward", "reverse"))
         return ColumnRule(where=_where(toml, place, table, example), words=_direction_words(toml, place, table))
-    dimension = ORDER_COLUMNS[key]
-    example = 'name = "..."' + (f', unit = "{ORDER_EXAMPLES[key]}"' if dimension else "")
+    dimension = DIMENSIONS[key]
+    example = 'name = "..."' + (f', unit = "{UNITS[key]}"' if dimension else "")
     keys = (*_ORDER_COLUMN, "sign") if key in _WAVES else _ORDER_COLUMN if dimension else _UNITLESS
     return scaled_rule(toml, place, column_table(toml, place, value, example, keys), example, dimension)
 
@@ -460,32 +440,23 @@ def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:
 def _header_rule(toml: TomlText, key: str, value: object, *, of_run: bool) -> HeaderRule:
     place: KeyPath = ("header", key)
     example = _HEADER_EXAMPLES[key]
-    dimension = ORDER_CONDITIONS.get(key)
+    dimension = DIMENSIONS[key] if key in ORDER_CONDITIONS else ""
     if isinstance(value, dict):
         more = ("unit",) if dimension else ("forward", "reverse") if key == "direction" else ()
         toml.check_keys(place, value, ("property", *more), f"key of {key}")
         where = _where(toml, place, value, 'property = "..."', ("property",))
-        unit = toml.string(place, value, "unit", "").strip()
+        unit = toml.string(place, value, "unit").strip()
         if unit and dimension:
-            try:
-                units.parse(f"1 {unit}", dimension)
-            except ValueError as error:
-                message = str(error).partition(";")[0].replace(f"1 {unit}", unit)
-                meant = meant_unit(unit)
-                hint = f"did you mean {meant!r}?" if meant != unit else f"write one like {example!r}"
-                toml.refuse((*place, "unit"), f"{key}: {message}; {hint}")
+            with toml.refusing((*place, "unit"), f"{key}: "):
+                units.unit_scale(unit, dimension)
         return HeaderRule(where=where, unit=unit, words=_direction_words(toml, place, value))
-    text = toml.string(("header",), toml.content["header"], key, "").strip()
+    text = toml.string(("header",), toml.table("header"), key).strip()
     if dimension:
         toml.quantity(place, text, dimension, example)
-    elif key == "direction" and text.lower() not in STATED:
-        hint = did_you_mean(text, STATED)
-        toml.refuse(place, f"direction = {shown(text)}: must be forward, reverse or mixed;{hint} without it the angles "
-                           "tell")  # fmt: skip
-    elif key == "direction" and not of_run and text.lower() == "mixed":
-        toml.refuse(
-            place, "direction = 'mixed': waves are of one direction; write forward or reverse, or name a column"
-        )
+    elif key == "direction" and text.lower() not in (known := STATED if of_run else DIRECTIONS):
+        remedy = "without it the angles tell" if of_run else "waves are of one direction: write it, or name a column"
+        must = f"must be one of {', '.join(known)};{did_you_mean(text, known)}"
+        toml.refuse(place, f"direction = {shown(text)}: {must} {remedy}")
     elif not text:
         toml.refuse(place, f'{key} is empty; write {key} = "{example}" or leave it out')
     return HeaderRule(text=text, where=Where(stated_at=_stated_at(toml, place)))

@@ -8,38 +8,33 @@ from itertools import compress
 
 import numpy as np
 
-from rverror.base.arrays import Flags
 from rverror.base.directions import DIRECTIONS
-from rverror.base.numbers import count_of, way
+from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
-from rverror.runs.bench.columns import BenchFile, Entry
+from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import (
-    found_entry,
-    header_quantity,
+    core_columns,
     header_values,
     left_out_columns,
     open_bench_file,
     standard_rules,
+    stated_conditions,
     unknown_word,
 )
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
 from rverror.runs.bench.text import number_in
-from rverror.runs.bench.values import core_values
 from rverror.runs.reading import (
     ORDER_COLUMNS,
-    ORDER_CONDITIONS,
     ORDER_KEYS,
     OrderRows,
     Stated,
     bare_name,
-    check_lengths,
     listed,
     refuse,
 )
 
 #: What the header's ``kind`` says of an order table.
 KIND = "orders"
-_STANDARD = {**ORDER_COLUMNS, "direction": ""}
 #: Conditions that a bench may print with the sign of the motion; a table has their size.
 _SIZES = ("output_torque", "input_speed")
 #: Columns that need another: what is not known without it, and what to give.
@@ -65,26 +60,18 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
     InputError
         If it cannot be used; one line that names file, line, column, bound and remedy.
     """
-    file = open_bench_file(path, mapping, _STANDARD)
+    file = open_bench_file(path, mapping, ORDER_COLUMNS)
     notes = list(file.notes)
-    stated = header_values(file, mapping, ORDER_KEYS, notes)
+    header = header_values(file, mapping, ORDER_KEYS, notes)
     if mapping.orders:
         rules = dict(mapping.orders)
         check_order_columns(mapping.path, "[orders]", rules)
     else:
-        _check_kind(file, stated)
-        rules = standard_rules(file, mapping, _STANDARD)
+        _check_kind(file, header)
+        rules = standard_rules(file, mapping, ORDER_COLUMNS)
         names = [entry.name for entry in file.entries]
         check_order_columns(file.path, file.place, rules, others=names)
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
-    numbers = [key for key in entries if key != "direction"]
-    arrays = file.read(entries[key] for key in numbers)
-    sizes = {key: array.size for key, array in zip(numbers, arrays, strict=True)}
-    check_lengths(file.path, sizes, "export them again")
-    columns = {
-        key: core_values(file, key, rules[key], entries[key], array, notes)
-        for key, array in zip(numbers, arrays, strict=True)
-    }
+    entries, columns = core_columns(file, mapping, rules, notes)
     # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
     kept = np.logical_or.reduce([np.isfinite(values) for values in columns.values()])
     labels = file.rows(kept.size)
@@ -92,8 +79,20 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         left = labels[~kept].tolist()
         notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
     columns = {key: values[kept] for key, values in columns.items()}
-    lines = labels[kept].tolist()
-    directions = _directions(file, rules, entries, stated, kept, lines)
+    labels = labels[kept]
+    stated = stated_conditions(file, header, ORDER_KEYS)
+    if "direction" in header:
+        where = header["direction"].at
+        stated["direction"] = _direction(file, where, header["direction"].text), where
+    if "direction" in rules:
+        words = zip(labels, compress(file.words(entries["direction"]), kept), strict=True)
+        signs = [_direction(file, f"{file.noun} {label}", word, rules["direction"]) for label, word in words]
+        columns["direction"] = np.array(signs)
+    elif "direction" not in stated:
+        file.refuse(
+            f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
+            "column 'direction', or direction in [header] or [orders] of the mapping"
+        )
     notes += left_out_columns(file, list(entries.values()))
     if mapping.orders:
         for key in _SIZES:
@@ -102,16 +101,14 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
                 notes.append(f"{key} has the sign of the motion; its size is taken")
         if "amplitude" in rules and rules["amplitude"].sign < 0:  # the error counts the other way
             columns["amplitude"], columns["phase"] = -columns["amplitude"], columns["phase"] + math.pi
-    conditions = {key: header_quantity(file, key, stated) for key in ORDER_CONDITIONS}
     return OrderRows(
         path=file.path,
-        labels=tuple(lines),
+        labels=labels,
         noun=file.noun,
-        directions=tuple(directions),
         columns=columns,
-        stated={key: (value, stated[key].at) for key, value in conditions.items() if value is not None},
-        index=stated["index"].text if "index" in stated else "",
-        metadata={key: value.text for key, value in stated.items()},
+        stated=stated,
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -161,36 +158,6 @@ def check_order_columns(path: str, where: str, given: Collection[str], *, others
             f"{where}: there is no amplitude and no cos;{meant('amplitude', 'phase', 'cos', 'sin')} give "
             "amplitude[arcsec] and phase[deg], or cos[arcsec] and sin[arcsec]",
         )
-
-
-def _directions(
-    file: BenchFile,
-    rules: Mapping[str, ColumnRule],
-    entries: Mapping[str, Entry],
-    stated: Mapping[str, Stated],
-    kept: Flags,
-    lines: Sequence[int],
-) -> list[float]:
-    """+1 or -1 of each row."""
-    above = None
-    if "direction" in stated:
-        above = _direction(file, stated["direction"].at, stated["direction"].text)
-    if "direction" not in rules:
-        if above is None:
-            file.refuse(
-                f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
-                "column 'direction', or direction in [header] or [orders] of the mapping"
-            )
-        return [above] * len(lines)
-    words = compress(file.words(entries["direction"]), kept.tolist())
-    places = [f"{file.noun} {line}" for line in lines]
-    found = [_direction(file, at, word, rules["direction"]) for at, word in zip(places, words, strict=True)]
-    for at, sign in zip(places, found, strict=True):
-        if above is not None and sign != above:
-            file.refuse(
-                f"{at}: direction = {way(sign)}, but {stated['direction'].at} says {way(above)}; leave one of them"
-            )
-    return found
 
 
 def _direction(file: BenchFile, at: str, word: str, rule: ColumnRule | None = None) -> float:

@@ -16,7 +16,7 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
-from rverror.runs.reading import COLUMNS, HEADER_LINE, ORDER_KEYS, Stated, bare_name, refuse
+from rverror.runs.reading import DIMENSIONS, HEADER_LINE, ORDER_KEYS, RUN_COLUMNS, Stated, bare_name, refuse
 
 # 1.234 and 12,345,678: one digit to three, none of them a leading zero, then groups of three.
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})(?:\1\d{3})*$")
@@ -146,7 +146,7 @@ class _Names:
 
 
 def open_text(
-    path: PathLike, rules: TextRules, wanted: Sequence[str | int], standard: Mapping[str, str] = COLUMNS
+    path: PathLike, rules: TextRules, wanted: Sequence[str | int], standard: Sequence[str] = RUN_COLUMNS
 ) -> BenchFile:
     """Read a text file and find its column names.
 
@@ -157,8 +157,8 @@ def open_text(
     wanted : sequence of str or int
         Names of columns, or their numbers from 1; where there is none, the standard ones are looked for, and what the
         file says of itself in lines ``# key: value`` counts.
-    standard : mapping of str to str
-        Columns of a run file or of an order table, with their dimension.
+    standard : sequence of str
+        Columns of a run file or of an order table.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def open_lines(
     lines: Sequence[str],
     rules: TextRules,
     wanted: Sequence[str | int],
-    standard: Mapping[str, str] = COLUMNS,
+    standard: Sequence[str] = RUN_COLUMNS,
 ) -> BenchFile:
     """The same of lines, for other formats that are tables too.
 
@@ -206,7 +206,7 @@ def open_lines(
     width = len(names.cells) or max(map(len, table))
     if names.cells:
         _check_widths(name, rows, table, names, complete=not wanted)
-    used = _used(names.cells, wanted, standard)
+    used = _used(name, names, wanted, standard)
     more = _ended(table, used) if facts else 0  # where other columns were sampled more often
     rows, table = rows[: len(rows) - more], table[: len(table) - more]
     decimal, decimal_note = _decimal(name, rows, table, [i for i in used if i < width], rules, names.separator)
@@ -313,7 +313,7 @@ def split_cells(line: str, separator: str) -> list[str]:
 
 
 def _found_names(
-    path: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int], standard: Mapping[str, str]
+    path: str, lines: Sequence[str], rules: TextRules, wanted: Sequence[str | int], standard: Sequence[str]
 ) -> _Names:
     tried = (rules.separator,) if rules.separator else SEPARATORS[:-1]
     texts = [name for name in wanted if isinstance(name, str)]
@@ -322,7 +322,7 @@ def _found_names(
             refuse(path, 'columns given by number need the separator; write separator = ";" or another in [file]')
         return _Names(-1, rules.separator, ())
     # Time or a torque may stand in any preamble.
-    telling = [name for name, dimension in standard.items() if dimension in ("angle", "")]
+    telling = [name for name in standard if DIMENSIONS[name] in ("angle", "")]
 
     def fits(cells: Sequence[str]) -> bool:
         if texts:
@@ -341,7 +341,6 @@ def _found_names(
             words = " and ".join(_WORDS[names.separator] for names in split)
             refuse(path, f"line {i + 1}: {words} both separate the column names; write separator = ... in [file]")
         if split:
-            _check_twice(path, split[0], texts)
             return split[0]
     _refuse_names(path, [_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried], texts or telling)
 
@@ -364,22 +363,18 @@ def trimmed(cells: Sequence[str]) -> list[str]:
     return list(cells[: max((i + 1 for i, cell in enumerate(cells) if cell), default=0)])
 
 
-def _used(cells: Sequence[str], wanted: Sequence[str | int], standard: Mapping[str, str]) -> list[int]:
+def _used(path: str, names: _Names, wanted: Sequence[str | int], standard: Sequence[str]) -> list[int]:
     """Places of the columns that are read."""
     if not wanted:
-        return [i for i, cell in enumerate(cells) if bare_name(cell) in standard]
-    return [name - 1 if isinstance(name, int) else cells.index(name) for name in wanted]
-
-
-def _check_twice(path: str, names: _Names, texts: Sequence[str]) -> None:
-    for text in texts:
-        places = [i + 1 for i, cell in enumerate(names.cells) if cell == text]
+        return [i for i, cell in enumerate(names.cells) if bare_name(cell) in standard]
+    found = []
+    for name in wanted:
+        places = [name] if isinstance(name, int) else [i + 1 for i, cell in enumerate(names.cells) if cell == name]
         if len(places) > 1:
-            refuse(
-                path,
-                f"line {names.line + 1}: {shown(text)} names columns {some(places)}; write column = {places[0]} "
-                "instead of name in the mapping",
-            )
+            remedy = f"write column = {places[0]} instead of name in the mapping"
+            refuse(path, f"line {names.line + 1}: {shown(name)} names columns {some(places)}; {remedy}")
+        found.append(places[0] - 1)
+    return found
 
 
 def _refuse_names(path: str, tried: Sequence[_Names], wanted: Sequence[str]) -> NoReturn:

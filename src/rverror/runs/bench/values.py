@@ -10,10 +10,8 @@ from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
 from rverror.runs.bench.mapping import ColumnRule, meant_unit, unit_scale
-from rverror.runs.reading import BENCH_COLUMNS, BENCH_EXAMPLES, ORDER_COLUMNS, ORDER_EXAMPLES
+from rverror.runs.reading import DIMENSIONS, UNITS
 
-_DIMENSIONS = BENCH_COLUMNS | ORDER_COLUMNS
-_UNITS = BENCH_EXAMPLES | ORDER_EXAMPLES
 _DAY = 86400.0  # s
 
 
@@ -46,11 +44,12 @@ def core_values(file: BenchFile, key: str, rule: ColumnRule, entry: Entry, array
     if array.dtype.kind in "Mm":
         notes.append(f"time counted from the first time stamp of {shown(entry.name, 60)}")
         return samples
-    factor, zero = core_scale(file, key, rule, entry, _DIMENSIONS[key], _UNITS[key], notes)
+    factor, zero = core_scale(file, key, rule, entry, DIMENSIONS[key], UNITS[key], notes)
     if rule.wraps_at:
         samples = _without_restarts(file, key, rule.wraps_at, samples, notes)
     if rule.counts:
-        notes.append(f"one count of {key} is {abs(rule.factor) / _display(key):.4g} {_UNITS[key]}")
+        size = abs(rule.factor) / units.unit_factor(UNITS[key], DIMENSIONS[key])
+        notes.append(f"one count of {key} is {size:.4g} {UNITS[key]}")
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows or is no number is left out later
         return samples * factor + zero
 
@@ -65,10 +64,6 @@ def _over_midnight(seconds: Array, what: str, notes: list[str]) -> Array:
     passed = f", midnight passed {count_of(int(nights[-1]), 'time')}" if nights[-1] else ""
     notes.append(f"{what} is a time of day, counted from the first one{passed}")
     return whole
-
-
-def _display(key: str) -> float:
-    return units.unit_scale(_UNITS[key], _DIMENSIONS[key])[0]
 
 
 def core_scale(
