@@ -41,7 +41,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Sentence:
-    """A sentence; a strong one is read first."""
+    """A sentence, and the words of its beginning that are read first, if any."""
 
     text: str
     strong: str = ""
@@ -216,9 +216,7 @@ def _html_of(block: Block) -> str:
         case Sentence(strong=""):
             return _soft(block.text)
         case Sentence():
-            before, _, after = block.text.partition(block.strong)
-            said = f"{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}"
-            return f'<p class="verdict">{said}</p>'
+            return f'<p class="verdict"><strong>{escaped(block.strong)}</strong>{escaped(block.text)}</p>'
         case Listing():
             told = []
             for part in block.parts():
@@ -260,7 +258,7 @@ def _text_of(block: Block) -> Iterator[str]:
             yield block.text
             yield "-" * len(block.text)
         case Sentence():
-            yield block.text
+            yield block.strong + block.text
         case Listing():
             rows, flush = [list(block.heads), *block.cells()], block.flush()
             widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]

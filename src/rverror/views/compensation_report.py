@@ -43,7 +43,7 @@ def _table(result: Compensation) -> Table:
         variables,
         about(result, "index", "stays", "notes", model=name_of(result.model)),
         title=(name_of(result.model),),
-        verdict=(f"{strong}{fall}.", strong),
+        verdict=(strong, f"{fall}."),
         sentences=tuple(stays),
         rows="order",
     )

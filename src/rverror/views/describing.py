@@ -87,10 +87,11 @@ def _plain(value: Any) -> Any:
 
 def sheet_of(told: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
+    strong, rest = told.verdict
     others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
     blocks = (
         *title(kind_in_words(told), *told.title),
-        *((Sentence(*told.verdict),) if told.verdict[0] else ()),
+        *((Sentence(rest, strong),) if strong else ()),
         *facts({**_single_numbers(told), **told.facts}),
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
@@ -98,7 +99,7 @@ def sheet_of(told: Table) -> Sheet:
     sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
     return (
         *blocks,
-        *line(_COUNTED if told.verdict[0] and re.search(_INDEX, as_text(blocks + sections)) else ""),
+        *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
         *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
     )

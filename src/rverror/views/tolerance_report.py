@@ -174,13 +174,12 @@ def _allocation_table(result: Allocation) -> Table:
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
     binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
-    strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {_within(result)}",),
-        verdict=(f"{strong}. {binds}.", strong),
+        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}."),
         sentences=_sentences(result),
         shown={"tolerance": shown},
         rows="tolerance",
@@ -409,7 +408,7 @@ def _state(result: ErrorBudget) -> str:
 
 
 def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
-    """What most units stay within, what makes most of it, the yield at a limit; and the words to be read first."""
+    """What most units stay within, what makes most of it, the yield at a limit."""
     p99 = result.units.quantile(0.99)
     size, low, high = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
     strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
@@ -423,7 +422,7 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
         found = result.units.yield_at(at)
         share, least, largest = (100 * one for one in (found.value, found.low, found.high))
         within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
-    return f"{strong} ({low} to {high}).{most}{within}", strong
+    return strong, f" ({low} to {high}).{most}{within}"
 
 
 @sheet.register
