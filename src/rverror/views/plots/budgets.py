@@ -30,7 +30,6 @@ from rverror.views.plots.figure import (
     signal_label,
     stated,
 )
-from rverror.views.plots.waveforms import unit_name
 
 _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell areas apart in grey
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
@@ -41,10 +40,8 @@ _SHOWN = 15  # bars for which there is room
 
 
 def _unit(found: object) -> list[str]:
-    """Unit, torque and direction of a budget, as far as it knows them."""
-    if not isinstance(found, ErrorBudget):
-        return []
-    return [unit_name(found.model), *stated(direction=found.direction)]
+    """Unit and direction of a budget, as far as it knows them."""
+    return stated(found.model, direction=found.direction) if isinstance(found, ErrorBudget) else []
 
 
 def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:

@@ -165,21 +165,22 @@ def over_angle(ax: Axes, *title: str, y: str, x: str = OUTPUT_ANGLE, **look: Any
     return labelled(ax, *title, x=x, y=y, **look)
 
 
-def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
-    """Torque, N*mm or with its unit, or of many angles, and direction as a title says them; nothing where not known.
+def stated(unit: Any = None, *, torque: Any = None, direction: Any = None) -> list[str]:
+    """Name of a unit, torque, N*mm or with its unit, or of many angles, and direction for a title, as far as known.
 
     Examples
     --------
     >>> stated(torque=20e3, direction=-1.0)
     ['20 N*m', 'reverse']
     """
+    name = getattr(unit, "name", "") or getattr(getattr(unit, "mechanism", None), "name", "")
     if np.ndim(torque):
         told = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
     else:
         told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
         told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
-    return told
+    return [plain(name), *told] if name else told
 
 
 def letters(ax: Axes, size: float | str) -> int:

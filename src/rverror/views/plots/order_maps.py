@@ -13,9 +13,9 @@ from rverror.base.numbers import way
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-from rverror.views.plots.figure import ORDER, Axes, axes_for, heat_map, in_shown_unit, labelled, shown_unit
+from rverror.views.plots.figure import ORDER, Axes, axes_for, heat_map, labelled, shown_unit, stated
 from rverror.views.plots.spectra import Lines, mechanism_of, run_lines
-from rverror.views.plots.waveforms import signals_of, unit_of
+from rverror.views.plots.waveforms import signals_of
 
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart
@@ -86,7 +86,7 @@ def order_map(
     meshes, columns = [], 1
     for place, (_, _, lines) in enumerate(rows):
         shown = lines.order <= highest
-        order, size = lines.order[shown], in_shown_unit(lines.size[shown], quantity)
+        order, size = lines.order[shown], lines.size[shown]
         if order.size < 2:
             continue
         columns = -(-order.size // _COLUMNS)
@@ -96,8 +96,8 @@ def order_map(
         meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
     ax.set_yticks(range(len(rows)), [label for _, label, _ in rows], fontsize="small")
     last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
-    title = ["order map of runs", *unit_of(ratio)]
-    labelled(ax, *title, x=ORDER, y=_BY[by], legend="", xlim=(0, last), ylim=(-0.5, len(rows) - 0.5))
+    limits = {"xlim": (0, last), "ylim": (-0.5, len(rows) - 0.5)}
+    labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=_BY[by], legend="", **limits)
     of = f", largest of {columns} lines" if columns > 1 else ""
     heat_map(ax, meshes, label=f"amplitude, {shown_unit(quantity)}{of}")
     return ax

@@ -114,7 +114,8 @@ def model_waveform(
     for number, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
         ax.plot(angle, row, lw=0.9, label=name, **style.line_style(number))
     ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
-    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
+    title = stated(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, "closed form", y=label, legend="beside")
 
 
 def stacked(
@@ -142,7 +143,8 @@ def stacked(
         ax.plot(angle, edges[i + 1], color=style.BLACK, lw=0.5)
     ax.axhline(0, color=style.BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=style.BLACK, lw=1.6, label="total")
-    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
+    title = stated(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, "closed form", y=label, legend="beside")
 
 
 def _drawn(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> tuple[Parts, str]:
@@ -217,19 +219,10 @@ def model_polar(
     ax.set_rticks(ends, [brief(end, 2) for end in ends])  # type: ignore[attr-defined]
     ax.set_rorigin(-_ORIGIN * reach)  # type: ignore[attr-defined]
     name, unit = signal_label("angle").split(", ")
-    title = _title(model, torque=torque, direction=direction)
-    labelled(ax, *title, x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
+    title = stated(model, torque=torque, direction=direction)
+    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
     ax.yaxis.labelpad = 30
     return ax
-
-
-def _title(model: Model, *, torque: Any, direction: Direction) -> list[str]:
-    return [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
-
-
-def unit_name(model: Model) -> str:
-    """Name of a unit for titles, or of what it is."""
-    return plain(model.name or model.mechanism.name or "transmission error")
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------
@@ -237,7 +230,7 @@ def unit_name(model: Model) -> str:
 
 @dataclass(frozen=True)
 class Signal:
-    """Signal of a run in one direction: `theta` rad, `values` in core units of `quantity`, and where passes begin."""
+    """Signal of a run in one direction: `theta` rad, `values` of `quantity` as drawn, and where passes begin."""
 
     theta: Array
     values: Array
@@ -267,6 +260,7 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
     else:
         values, quantity = run.error(used), "angle"
     ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
+    values = in_shown_unit(values, quantity)
     parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
     return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
 
@@ -275,13 +269,7 @@ def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: 
     """Unit where it is known, short name, torque and directions of a run."""
     directions = [signal.direction for signal in signals]
     load = run.torque if run.load_column is None else run.load_column
-    return [*unit_of(ratio), plain(file_name(run.path) or "run"), *stated(torque=load, direction=directions)]
-
-
-def unit_of(ratio: Reducer | Drive | Model | float | None) -> list[str]:
-    """Name of what was measured, for titles, as far as it has one."""
-    name = ratio.name or ratio.mechanism.name if isinstance(ratio, Model) else getattr(ratio, "name", "")
-    return [plain(name)] if name else []
+    return [*stated(ratio), plain(file_name(run.path) or "run"), *stated(torque=load, direction=directions)]
 
 
 def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
@@ -289,9 +277,8 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
     for number, part in enumerate(signals):
-        rows = np.degrees(part.theta), in_shown_unit(part.values, part.quantity)
         # a gap where a pass ended and another began
-        drawn = for_drawing(*(np.insert(row, part.breaks, np.nan) for row in rows))
+        drawn = for_drawing(*(np.insert(row, part.breaks, np.nan) for row in (np.degrees(part.theta), part.values)))
         ax.plot(*drawn, lw=0.9, label=way(part.direction), **style.line_style(number))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
     return over_angle(ax, *run_title(run, ratio, signals), y=signal_label(signals[0].quantity))
@@ -313,7 +300,7 @@ def state_title(state: Equilibrium) -> list[str]:
     where = state.conditions
     assert where is not None  # as `equilibrium` gives it
     load = where.torque if where.load is None else where.load
-    return [unit_name(state.model), *stated(torque=load, direction=where.direction), "loaded equilibrium"]
+    return [*stated(state.model, torque=load, direction=where.direction), "loaded equilibrium"]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
