@@ -856,11 +856,10 @@ def test_progress_is_told_only_once_it_takes_long(
 ) -> None:
     clock = [100.0]
     monkeypatch.setattr("rverror.app.terminal.time.monotonic", lambda: clock[0])
-    progress = Progress()
-    for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
-        clock[0] = now
-        progress(text)
-    progress.close()
+    with Progress() as progress:
+        for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
+            clock[0] = now
+            progress(text)
     assert capsys.readouterr().err == "[   2 s] first\n[   5 s] second\n"
 
 

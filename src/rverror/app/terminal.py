@@ -51,7 +51,11 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def close(self) -> None:
+    def __enter__(self) -> Progress:
+        """Begin."""
+        return self
+
+    def __exit__(self, *problem: object) -> None:
         """Clear the line."""
         if self.terminal and self.last > self.start:
             print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
@@ -418,9 +422,10 @@ def say_replaced(path: str | Path) -> None:
         tell(f"replacing {path}")
 
 
-def tell(text: str) -> None:
-    """Print a note on standard error."""
-    print(f"rverror: {text}", file=sys.stderr)
+def tell(*texts: str) -> None:
+    """Print notes on standard error."""
+    for text in texts:
+        print(f"rverror: {text}", file=sys.stderr)
 
 
 def given_twice(paths: Sequence[str]) -> str | None:

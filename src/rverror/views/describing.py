@@ -13,13 +13,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
+from rverror.base.text import read_bytes
 from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
 from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
@@ -263,14 +263,8 @@ def input_files(paths: Sequence[str | os.PathLike[str]]) -> tuple[InputFile, ...
     >>> [file.bytes > 0 for file in input_files([resources.files("rverror") / "data" / "demo" / "model.toml"])]
     [True]
     """
-    found = []
-    for path in paths:
-        try:
-            raw = Path(path).read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: cannot read it for its hash ({error.strerror}); check the path") from error
-        found.append(InputFile(os.fspath(path), hashlib.sha256(raw).hexdigest(), len(raw)))
-    return tuple(found)
+    read = [(os.fspath(path), read_bytes(path)) for path in paths]
+    return tuple(InputFile(path, hashlib.sha256(raw).hexdigest(), len(raw)) for path, raw in read)
 
 
 def enveloped(

@@ -14,6 +14,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
+from rverror.lots.result import Interval
 from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.declared import Tolerance
@@ -29,6 +30,7 @@ from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Ea
 
 #: Quantiles that are told.
 LEVELS = (0.5, 0.95, 0.99)
+_YIELD: dict[str, Field] = {"yield": ("value", NUMBER), "interval": ("", NUMBER)}
 #: Of a torsional stiffness, as makers print it.
 _STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
 
@@ -40,29 +42,26 @@ def _unit(one: LimitYield) -> Unit:
     return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
 
 
+def _share(one: LimitYield) -> Interval | None:
+    return None if one.limit.value is None else Interval(one.share, *one.interval)
+
+
 def _quantile(level: float, row: tuple[LimitYield, Any]) -> float:
     return row[0].quantile(level).value
 
 
 def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
     """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
-    each = [
-        (one, None if one.limit.value is None else (one.share, *one.interval), share)
-        for one, share in zip(found.limits, closed, strict=True)
-    ]
     quantiles: dict[str, Field] = {f"p{100 * level:g}": (partial(_quantile, level), OWN) for level in LEVELS}
-    shares: dict[str, Field] = {
-        name: (f"1.{at}", PERCENT) for at, name in enumerate(("yield", "yield_low", "yield_high"))
-    }
     return rows(
         "limit_at_load",
-        each,
+        [(one, _share(one), share) for one, share in zip(found.limits, closed, strict=True)],
         "",
         ("limit_at_load_unit", lambda row: _unit(row[0])),
         limit_at_load="0.limit.label",
         limit_value=("0.limit.value", OWN),
         **quantiles,
-        **shares,
+        **sized("yield", PERCENT, "1"),
         yield_in_closed_form=("2", PERCENT),
     )
 
@@ -88,23 +87,19 @@ def yield_words(found: Verified) -> tuple[str, ...]:
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
     """Entry of JSON of a limit: the quantity, its torque and limit with their units, the yield."""
     limit = one.limit
-    told: dict[str, Any] = {"limit": None, "yield": None, "interval": None}
-    if limit.value is not None:
-        told["limit"] = f"{brief(limit.shown(limit.value), 6)} {limit.unit}"
-        told |= {"yield": rounded(one.share), "interval": [rounded(end) for end in one.interval]}
     return {
         **entry(one, quantity="limit.quantity", level="limit.level", confidence=None, units=None),
         "torque": None if limit.torque is None else limit.load(6),
-        **told,
+        "limit": None if limit.value is None else f"{brief(limit.shown(limit.value), 6)} {limit.unit}",
+        **entry(_share(one), **_YIELD),
         "method": "equilibrium",
     }
 
 
 def together_entry(found: Verified) -> dict[str, Any]:
     """Entry of JSON: the yield of all limits together, and units without an equilibrium."""
-    ends = [rounded(end) for end in found.together_interval]
     return {
-        "all_limits": {"yield": rounded(found.together), "interval": ends},
+        "all_limits": entry(Interval(found.together, *found.together_interval), **_YIELD),
         "units_without_equilibrium": len(found.failures),
         "seed": found.seed,
     }
