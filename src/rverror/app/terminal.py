@@ -17,6 +17,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
+from rverror.base.spreadsheet import openpyxl_for
 from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
@@ -123,12 +124,13 @@ def save(metavar: str, help: str) -> dict[str, Option]:
     return {"--save": option(metavar, help, writes=True)}
 
 
-def results(*, plot: str | None = None, html: bool = True) -> dict[str, Option]:
-    """Options that write a result: JSON, a page, and a picture where `plot` says of what."""
+def results(*, plot: str | None = None, tables: bool = True) -> dict[str, Option]:
+    """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
     found = {"--json": option("OUT.json", "write the result as JSON", writes=True)}
-    if html:
+    if tables:
         page = "write one self-contained page with tables and pictures"
         found["--html --report"] = option("OUT.html", page, writes=True)
+        found["--xlsx"] = option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True)
     if plot is not None:
         found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
     return found
@@ -220,6 +222,8 @@ def add_command(commands: Any, made: Command) -> None:
             from rverror.views.plots.figure import bare_figure
 
             bare_figure(1.0, 1.0)  # refused where matplotlib is not installed
+        if getattr(given, "xlsx", None):
+            openpyxl_for(given.xlsx, "leave out --xlsx")
         made.run(given)
 
     parser.set_defaults(run=begin)
@@ -263,16 +267,18 @@ def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], An
 
 def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
     """Write a result as the options of `results` ask, with `more` told of it; `draw` makes axes of its own picture."""
-    html, plot = getattr(options, "html", None), getattr(options, "plot", None)
-    if options.json or html:
+    html, plot, xlsx = (getattr(options, name, None) for name in ("html", "plot", "xlsx"))
+    if options.json or html or xlsx:
         from rverror.views.describing import input_files  # half of all modules
-        from rverror.views.report import to_html, to_json
+        from rverror.views.report import to_html, to_json, to_xlsx
 
         files = input_files(options.inputs)
         if options.json:
             write_json(options.json, to_json(found, files=files, **more))
         if html:
             write_output(html, to_html(found, files=files, **more))
+        if xlsx:
+            write_output(xlsx, to_xlsx(found, path=xlsx))
     if plot:
         from rverror.views.plots.figure import to_bytes  # loads matplotlib
         from rverror.views.plots.page_figures import figure_of

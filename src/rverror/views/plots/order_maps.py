@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def order_map(
         meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
     ax.set_yticks(range(len(rows)), [label for _, label, _ in rows], fontsize="small")
     last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
-    limits = {"xlim": (0, last), "ylim": (-0.5, len(rows) - 0.5)}
+    limits: dict[str, Any] = {"xlim": (0, last), "ylim": (-0.5, len(rows) - 0.5)}
     labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=_BY[by], legend="", **limits)
     of = f", largest of {columns} lines" if columns > 1 else ""
     heat_map(ax, meshes, label=f"amplitude, {shown_unit(quantity)}{of}")
