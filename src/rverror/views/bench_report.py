@@ -8,7 +8,7 @@ from rverror.base.numbers import in_arcsec
 from rverror.base.units import ARCSEC
 from rverror.runs.measuring_chain import COVERAGE, BenchUncertainty, Figure
 from rverror.views.blocks import Sheet, grid, line
-from rverror.views.fields import entry
+from rverror.views.fields import Field, entry
 from rverror.views.variables import ANGLE, NUMBER
 
 #: What stands in brackets behind a figure's uncertainty.
@@ -16,6 +16,16 @@ BESIDE = f"bench, k = {COVERAGE:g}"
 _SAME = "the same in every turn and run: no averaging takes it off, and differences between runs are free of it"
 _FIGURES: tuple[Figure, ...] = ("reading", "peak_to_peak", "rms")
 _ANGLES = ("limit", "standard", "in_a_peak_to_peak", "in_an_rms")
+
+
+def of_orders(bench: BenchUncertainty | None) -> dict[str, Field]:
+    """Column of what the bench leaves uncertain of each order's amplitude; none where nothing is stated."""
+    return {} if bench is None else {"bench_uncertainty": (lambda one: bench.of_order(one.order), ANGLE)}
+
+
+def order_json(bench: BenchUncertainty | None, order: float) -> dict[str, Any]:
+    """Entry of JSON of the same."""
+    return {"bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(order))}
 
 
 def plus_minus(value: float | None) -> str:

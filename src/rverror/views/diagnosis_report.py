@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import brief, count_of, in_arcsec, way
+from rverror.base.numbers import brief, count_of, way
 from rverror.base.text import describe
+from rverror.compensation.outcome import Unseen
 from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
-from rverror.diagnosis.result import Addition, Diagnosis, Line
+from rverror.diagnosis.result import Addition, Diagnosis, Line, Validation
 from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
+from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
 from rverror.views.by_order import beside, samples_per_turn, turns_of
 from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
@@ -38,7 +39,7 @@ _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # f
 
 
 @dataclass(frozen=True)
-class _Signal:
+class Signal:
     """Unit in which the signal is shown, and the ending of its keys in JSON."""
 
     unit: Unit
@@ -50,7 +51,7 @@ class _Signal:
         return entry(thing, **{f"{name}_{self.suffix}": (place, self.unit) for name, place in where.items()})
 
 
-SIGNALS = {"angle": _Signal(ANGLE, "arcsec"), "torque": _Signal(TORQUE, "newton_metre")}
+SIGNALS = {"angle": Signal(ANGLE, "arcsec"), "torque": Signal(TORQUE, "newton_metre")}
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -104,11 +105,7 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 @described.register
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
-    of_bench: dict[str, Field] = {}
-    of_rms: dict[str, Field] = {}
-    if bench is not None:
-        of_bench["bench_uncertainty"] = (lambda one: bench.of_order(one.order), ANGLE)
-        of_rms["bench_uncertainty"] = (lambda _: bench.of("rms"), ANGLE)
+    of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
     shares = alike(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
     variables = {
         **_added(result, signal),
@@ -120,7 +117,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             "unexplained_",
             order=NUMBER,
             **alike(signal, "amplitude", "low", "high", "cos", "sin"),
-            **of_bench,
+            **of_orders(bench),
             frames=lambda one: one.frames or beside(unit, one.order),
             alias_of=lambda one: _folds(one, result),
         ),
@@ -280,7 +277,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             {
                 **entry(one, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
                 **signal.of(one, "amplitude"),
-                "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
+                **order_json(bench, one.order),
             }
             for one in diagnosis.unexplained
         ],
@@ -295,20 +292,25 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "stiffness": [entry(one, one.dimension, **stiffness) for one in diagnosis.elastic],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
-        "validation": [
-            {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
-            for one in diagnosis.validation
-        ],
+        "validation": validation_json(diagnosis.validation, signal),
         "unit": signal.unit.shown,
         "suffix": signal.suffix,
     }
+
+
+def validation_json(found: Iterable[Validation | Unseen], signal: Signal) -> list[dict[str, Any]]:
+    """Entries of files that no fit saw."""
+    return [
+        {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
+        for one in found
+    ]
 
 
 def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
     return {"key": key, "indices": dict(indices)}
 
 
-def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
+def _addition(addition: Addition, signal: Signal) -> dict[str, Any]:
     sizes: dict[str, Field] = {"value": OWN, "unit": OWN_NAME, "low": OWN, "high": OWN}
     return {
         **_cause(addition.effect.key, addition.effect.indices),

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base.numbers import brief, in_arcsec, rounded, way
+from rverror.base.numbers import brief, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
+from rverror.views.bench_report import of_orders, order_json
 from rverror.views.fields import OWN, Field, alike, entry, rows, sized, value_at
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit, Variable
 
@@ -53,14 +54,14 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
         laws |= sized(words, unit, f"1.{name}", "amplitude")
         laws[f"{words}_phase"] = (partial(_phase_of, name), POSITION)
     laws["off_a_straight_line"] = "1.bent"
-    sizes: dict[str, Field] = {"order": NUMBER, **sized("amplitude", ANGLE, value="amplitude")}
-    if bench is not None:
-        sizes["bench_uncertainty"] = (lambda one: bench.of_order(one.order), ANGLE)
-    sizes |= {
-        f"share_{name}": (f"shares.{name}", PERCENT) for name in ("constant", "load", "speed", "temperature", "left")
-    }
+    sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
+    shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
     each = [(one, law) for one in found for law in one.laws]
-    return {**rows("passport", found, "passport_", **sizes), **rows("law", each, "law_", **laws)}
+    return {
+        **rows("passport", found, "passport_", order=NUMBER, **sizes),
+        **rows("passport", found, "passport_share_", **shares),
+        **rows("law", each, "law_", **laws),
+    }
 
 
 def kinds_of_causes(found: Sequence[OrderPassport]) -> list[str]:
@@ -97,7 +98,7 @@ def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | N
                 reference_temperature_degc=("reference_temperature", TEMPERATURE),
             ),
             "order": rounded(one.order, 10),
-            "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
+            **order_json(bench, one.order),
             "directions": [_law_json(law) for law in one.laws],
         }
         for one in found

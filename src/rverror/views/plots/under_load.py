@@ -10,13 +10,14 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief, way
+from rverror.base.numbers import brief
 from rverror.base.text import describe
 from rverror.statics.duty import duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.rigidity import TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
+from rverror.views.model_report import ways
 from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, over_angle, shown_unit
 
@@ -162,8 +163,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
 
 def _case(one: Efficiency) -> tuple[str, str]:
     """What drives, and which way it goes."""
-    ways = {way(sense) for sense in one.direction.tolist()}
-    return f"{one.drives} drives", ways.pop() if len(ways) == 1 else "mixed"
+    return f"{one.drives} drives", ways(one.direction)
 
 
 def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
