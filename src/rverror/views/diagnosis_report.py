@@ -272,7 +272,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         **signal.of(diagnosis, "noise_rms"),
         **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
         "bench_uncertainty": bench_json(bench, whole=not diagnosis.shares),
-        "added": [_addition(addition, signal) for addition in diagnosis.added],
+        "added": added_json(diagnosis),
         "unexplained_orders": [
             {
                 **entry(one, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
@@ -310,15 +310,19 @@ def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
     return {"key": key, "indices": dict(indices)}
 
 
-def _addition(addition: Addition, signal: Signal) -> dict[str, Any]:
+def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Entries of what was added."""
     sizes: dict[str, Field] = {"value": OWN, "unit": OWN_NAME, "low": OWN, "high": OWN}
-    return {
-        **_cause(addition.effect.key, addition.effect.indices),
-        "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
-        "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
-        **entry(addition, orders=NUMBER, notes=None),
-        **signal.of(addition, "heldout_rms"),
-    }
+    return [
+        {
+            **_cause(addition.effect.key, addition.effect.indices),
+            "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
+            "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
+            **entry(addition, orders=NUMBER, notes=None),
+            **SIGNALS[diagnosis.quantity].of(addition, "heldout_rms"),
+        }
+        for addition in diagnosis.added
+    ]
 
 
 # --- for people -------------------------------------------------------------------------------------------------------

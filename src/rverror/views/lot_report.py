@@ -11,14 +11,14 @@ import numpy as np
 from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
 from rverror.base.text import describe
 from rverror.base.units import DISPLAY_UNITS, to_display
-from rverror.diagnosis.result import Diagnosis, Estimate
+from rverror.diagnosis.result import Estimate
 from rverror.geartrain.source import IndexValue
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
 from rverror.views.describing import described, entries
-from rverror.views.diagnosis_report import diagnosis_content
+from rverror.views.diagnosis_report import added_json
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
@@ -130,7 +130,7 @@ def _lot_content(result: Lot) -> dict[str, Any]:
             {
                 **entry(one, unit="serial", distance=NUMBER, chance=NUMBER),
                 "added": _added(one.causes, one.rivals),
-                "diagnosis": None if one.diagnosis is None else _of_unit(one.diagnosis),
+                "diagnosis": (own := one.diagnosis) and {"verdict": own.verdict, "added": added_json(own)},
             }
             for one in result.outsiders
         ],
@@ -197,11 +197,6 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
         }
         for some in parts.values()
     ]
-
-
-def _of_unit(found: Diagnosis) -> dict[str, Any]:
-    whole = diagnosis_content(found)
-    return {name: whole[name] for name in ("verdict", "added")}
 
 
 # --- a lot: for people ------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -19,6 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.directions import direction_signs
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
+from rverror.views.plots.style import line_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # that plots need not import it again
@@ -283,6 +284,12 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
         return (x, *rows)
     kept = thinned(x, rows, COLUMNS)
     return tuple(one[kept] for one in (x, *rows))
+
+
+def lines(ax: Axes, x: Array, rows: Iterable[tuple[str, Array]], **look: Any) -> None:
+    """Lines over one abscissa with their names, each in the style of its number."""
+    for number, (label, row) in enumerate(rows):
+        ax.plot(*for_drawing(x, row), label=label, **look, **line_style(number))
 
 
 def legend_below(ax: Axes, *, title: str | None = None) -> None:

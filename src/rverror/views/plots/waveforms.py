@@ -34,6 +34,7 @@ from rverror.views.plots.figure import (
     for_drawing,
     in_shown_unit,
     labelled,
+    lines,
     over_angle,
     plain,
     shown_unit,
@@ -110,10 +111,9 @@ def model_waveform(
     """
     ax = axes_for(ax)
     drawn, label = _drawn(model, theta, most, waves, direction=direction, time=time, torque=torque)
-    angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
-    for number, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
-        ax.plot(angle, row, lw=0.9, label=name, **style.line_style(number))
-    ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
+    angle = np.degrees(drawn.theta)
+    lines(ax, angle, zip(drawn.names, drawn.rows, strict=True), lw=0.9)
+    ax.plot(*for_drawing(angle, drawn.rows.sum(axis=0)), color=style.BLACK, lw=1.3, label="total")
     title = stated(model, torque=torque, direction=direction)
     return over_angle(ax, *title, "closed form", y=label, legend="beside")
 
@@ -168,9 +168,9 @@ def about_constants(parts: Parts) -> Parts:
     """
     if not parts.names:
         return parts
-    lines = np.concatenate([parts.rows, parts.rows.sum(axis=0, keepdims=True)])
-    largest = float(np.ptp(lines, axis=1).max())
-    if largest <= NOTHING or float(np.ptp(lines)) <= _FLATTENED * largest:
+    drawn = np.concatenate([parts.rows, parts.rows.sum(axis=0, keepdims=True)])
+    largest = float(np.ptp(drawn, axis=1).max())
+    if largest <= NOTHING or float(np.ptp(drawn)) <= _FLATTENED * largest:
         return parts
     constants = parts.rows.mean(axis=1)
     told = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
@@ -181,10 +181,10 @@ def about_constants(parts: Parts) -> Parts:
 def _first_waves(parts: Parts, waves: int) -> Parts:
     """As much of a turn as holds a few waves of the strongest order."""
     total = parts.rows.sum(axis=0)
-    lines = np.abs(np.fft.rfft(total))[1:]
-    if not parts.names or lines.max() <= 1e-9 * total.size * (np.abs(total).max() or 1.0):
+    waves_of = np.abs(np.fft.rfft(total))[1:]
+    if not parts.names or waves_of.max() <= 1e-9 * total.size * (np.abs(total).max() or 1.0):
         return parts
-    order = 1 + int(np.argmax(lines))
+    order = 1 + int(np.argmax(waves_of))
     kept = min(-(-waves * total.size // order) + 1, total.size)
     return Parts(parts.theta[:kept], parts.rows[:, :kept], parts.names)
 
@@ -311,8 +311,7 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     dimension = source(found.key).parameters[0].dimension
     scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
     ax = axes_for(ax)
-    for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
-        ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **style.line_style(number))
+    lines(ax, np.degrees(found.theta), zip(found.labels, scale * found.matrix, strict=True), lw=1.1)
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
     return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")
