@@ -28,17 +28,6 @@ def order_json(bench: BenchUncertainty | None, order: float) -> dict[str, Any]:
     return {"bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(order))}
 
 
-def plus_minus(value: float | None) -> str:
-    """Uncertainty as it stands behind a figure, the value in the figure's unit; nothing where none is stated.
-
-    Examples
-    --------
-    >>> plus_minus(1.4319), plus_minus(None)
-    (' ± 1.432', '')
-    """
-    return "" if value is None else f" ± {value:.3f}"
-
-
 def bench_json(bench: BenchUncertainty | None, *, whole: bool = True) -> dict[str, Any] | None:
     """Budget as plain data for `json.dump`, arcsec; None where nothing is stated.
 

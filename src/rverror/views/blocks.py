@@ -13,7 +13,7 @@ from typing import Any
 
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import joined
-from rverror.views.html import escaped, scrolled
+from rverror.views.html import escaped, table
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -222,7 +222,7 @@ def _html_of(block: Block) -> str:
             for part in block.parts():
                 rows = [[escaped(row[at]) for at in part] for row in block.cells()]
                 flush = [place for place, at in enumerate(part) if at in block.flush()]
-                told.append(scrolled([block.heads[at] for at in part], rows, numbers=flush))
+                told.append(table([block.heads[at] for at in part], rows, numbers=flush))
             return "\n".join(told) + (_soft(block.more()) if block.more() else "")
         case Facts():
             rows_of = (

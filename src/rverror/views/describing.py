@@ -88,7 +88,8 @@ def _plain(value: Any) -> Any:
 def sheet_of(told: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
     strong, rest = told.verdict
-    others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
+    others = [dim for dim in told.dims if dim != told.rows and dim not in LONG]
+    headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
         *title(kind_in_words(told), *told.title),
         *((Sentence(rest, strong),) if strong else ()),
@@ -96,7 +97,9 @@ def sheet_of(told: Table) -> Sheet:
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
     )
-    sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
+    sections = tuple(
+        block for dim in others for block in section(_HEADINGS.get(dim, _words(dim).capitalize()), *listed(told, dim))
+    )
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
@@ -116,11 +119,6 @@ def _single_numbers(told: Table) -> dict[str, str]:
         if not name.endswith(("_low", "_high")):
             facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
     return facts_of
-
-
-def _heading(dim: str) -> str:
-    """Heading of the rows along a dimension."""
-    return _HEADINGS.get(dim, _words(dim).capitalize())
 
 
 def kind_in_words(told: Table) -> str:

@@ -30,7 +30,7 @@ def escaped(text: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
-    """Table of cells that are HTML already.
+    """Table of cells that are HTML already, within a box that scrolls where it is too wide.
 
     Parameters
     ----------
@@ -53,12 +53,8 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Seque
 
     head = cells("th", [escaped(text) for text in heads])
     body = "\n".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
-
-
-def scrolled(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
-    """`table` within a box that scrolls where it is too wide."""
-    return f'<div class="scroll" tabindex="0">{table(heads, rows, numbers=numbers)}</div>'
+    whole = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
+    return f'<div class="scroll" tabindex="0">{whole}</div>'
 
 
 def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import of_orders, order_json
-from rverror.views.fields import OWN, Field, alike, entry, rows, sized, value_at
+from rverror.views.fields import OWN, Field, alike, entry, rows, sized
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit, Variable
 
 _PER_LOAD = Unit("rad/(N*mm)", "arcsec/(kN*m)", ARCSEC / 1e6)
@@ -36,10 +35,6 @@ def _phase(part: WavePart | None) -> float:
     return float(np.angle(part.value)) if part is not None and part.told else math.nan
 
 
-def _phase_of(name: str, row: tuple[OrderPassport, DirectionLaw]) -> float:
-    return _phase(value_at(row, f"1.{name}"))
-
-
 def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = None) -> dict[str, Variable]:
     """Passports as variables: the law of each order and direction, and of each order its shares.
 
@@ -52,7 +47,7 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
     laws: dict[str, Field] = {"order": ("0.order", NUMBER), "direction": lambda row: way(row[1].direction)}
     for name, words, unit, _ in _PARTS:
         laws |= sized(words, unit, f"1.{name}", "amplitude")
-        laws[f"{words}_phase"] = (partial(_phase_of, name), POSITION)
+        laws[f"{words}_phase"] = (lambda row, part=name: _phase(getattr(row[1], part)), POSITION)
     laws["off_a_straight_line"] = "1.bent"
     sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
     shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,13 +45,11 @@ def _share(one: LimitYield) -> Interval | None:
     return None if one.limit.value is None else Interval(one.share, *one.interval)
 
 
-def _quantile(level: float, row: tuple[LimitYield, Any]) -> float:
-    return row[0].quantile(level).value
-
-
 def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
     """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
-    quantiles: dict[str, Field] = {f"p{100 * level:g}": (partial(_quantile, level), OWN) for level in LEVELS}
+    quantiles: dict[str, Field] = {
+        f"p{100 * level:g}": (lambda row, at=level: row[0].quantile(at).value, OWN) for level in LEVELS
+    }
     return rows(
         "limit_at_load",
         [(one, _share(one), share) for one, share in zip(found.limits, closed, strict=True)],

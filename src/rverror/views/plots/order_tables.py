@@ -135,14 +135,9 @@ def _look(number: int, sense: float) -> dict[str, Any]:
     }
 
 
-def table_passport(table: OrderTable, *, ax: Axes | None = None) -> Axes:
-    """Passports of a table's strongest orders, as `passport_plot` draws them."""
-    return passport_plot(passport(table.cases), ax=ax)
-
-
-def diagnosis_passport(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Passports of the strongest orders that were diagnosed, as `passport_plot` draws them."""
-    return passport_plot(diagnosis.passport, ax=ax)
+def strongest_orders(found: OrderTable | Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """Passports of the strongest orders of a table or a diagnosis, as `passport_plot` draws them."""
+    return passport_plot(found.passport if isinstance(found, Diagnosis) else passport(found.cases), ax=ax)
 
 
 def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None) -> Axes:
