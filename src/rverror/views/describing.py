@@ -97,9 +97,7 @@ def sheet_of(told: Table) -> Sheet:
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
     )
-    sections = tuple(
-        block for dim in others for block in section(_HEADINGS.get(dim, _words(dim).capitalize()), *listed(told, dim))
-    )
+    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(told, dim)))
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
