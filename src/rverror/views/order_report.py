@@ -47,11 +47,13 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
     laws: dict[str, Field] = {"order": ("0.order", NUMBER), "direction": lambda row: way(row[1].direction)}
     for name, words, unit, _ in _PARTS:
         laws |= sized(words, unit, f"1.{name}", "amplitude")
-        laws[f"{words}_phase"] = (lambda row, part=name: _phase(getattr(row[1], part)), POSITION)
+        laws[f"{words}_phase"] = (f"2.{name}", POSITION)
     laws["off_a_straight_line"] = "1.bent"
     sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
     shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
-    each = [(one, law) for one in found for law in one.laws]
+    phases = (
+        (one, law, {name: _phase(getattr(law, name)) for name, *_ in _PARTS}) for one in found for law in one.laws
+    )
     return {
         **rows("passport", found, "passport_", order=NUMBER, **sizes),
         **rows("passport", found, "passport_share_", **shares),

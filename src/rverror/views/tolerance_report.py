@@ -47,12 +47,13 @@ def _share(one: LimitYield) -> Interval | None:
 
 def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
     """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
-    quantiles: dict[str, Field] = {
-        f"p{100 * level:g}": (lambda row, at=level: row[0].quantile(at).value, OWN) for level in LEVELS
-    }
+    quantiles: dict[str, Field] = {f"p{100 * level:g}": (f"3.{at}", OWN) for at, level in enumerate(LEVELS)}
     return rows(
         "limit_at_load",
-        [(one, _share(one), share) for one, share in zip(found.limits, closed, strict=True)],
+        [
+            (one, _share(one), share, [one.quantile(level).value for level in LEVELS])
+            for one, share in zip(found.limits, closed, strict=True)
+        ],
         "",
         ("limit_at_load_unit", lambda row: _unit(row[0])),
         limit_at_load="0.limit.label",
