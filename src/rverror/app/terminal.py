@@ -364,6 +364,15 @@ def quantity(option: str, text: str, dimension: str, *, example: str, least: flo
     return value
 
 
+def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str) -> list[float]:
+    """Values of an option with commas between them, by the names of their parts."""
+    parts, (*first, last) = text.split(","), dimensions
+    if len(parts) != len(dimensions):
+        raise InputError(f"{option}: {shown(text)} is not {', '.join(first)} and {last}; write it like '{example}'")
+    each = zip(parts, dimensions.values(), strict=True)
+    return [quantity(option, part, dimension, example=example) for part, dimension in each]
+
+
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
     """Option that gives a load over the angle."""
     told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
@@ -372,16 +381,12 @@ def arm_option(what: str, more: str = "") -> dict[str, Option]:
 
 def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
+    dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
+    mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
     try:
-        mass, lever, offset = text.split(",")
-        return GravityArm(
-            mass=units.parse(mass.strip(), "mass"),
-            lever=units.parse(lever.strip(), "length"),
-            offset=units.parse(offset.strip(), "angle"),
-        )
+        return GravityArm(mass=mass, lever=lever, offset=offset)
     except ValueError as problem:
-        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
-        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
+        raise InputError(f"--arm {text!r}: {problem}; write it like '{_ARM}'") from problem
 
 
 #: Option for phases of a duty.
@@ -399,13 +404,8 @@ def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     """Phases of a duty, each torque, speed and hours."""
     phases = []
     for text in texts:
-        parts = text.split(",")
-        if len(parts) != 3:
-            raise InputError(f"--phase: {text!r} is not torque, speed and time; write it like '{_PHASE}'")
-        torque, speed, time_ = (
-            quantity("--phase", part, dimension, example=_PHASE)
-            for part, dimension in zip(parts, ("torque", "angular_speed", "time"), strict=True)
-        )
+        dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
+        torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
         try:
             phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
         except ValueError as problem:

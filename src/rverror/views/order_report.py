@@ -51,9 +51,7 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
     laws["off_a_straight_line"] = "1.bent"
     sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
     shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
-    phases = (
-        (one, law, {name: _phase(getattr(law, name)) for name, *_ in _PARTS}) for one in found for law in one.laws
-    )
+    each = [(one, law, {name: _phase(getattr(law, name)) for name, *_ in _PARTS}) for one in found for law in one.laws]
     return {
         **rows("passport", found, "passport_", order=NUMBER, **sizes),
         **rows("passport", found, "passport_share_", **shares),
