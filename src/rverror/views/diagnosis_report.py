@@ -12,9 +12,8 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, way
 from rverror.base.text import describe
-from rverror.compensation.outcome import Unseen
 from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
-from rverror.diagnosis.result import Addition, Diagnosis, Line, Validation
+from rverror.diagnosis.result import Addition, Diagnosis, Line
 from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
@@ -298,7 +297,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def validation_json(found: Iterable[Validation | Unseen], signal: Signal) -> list[dict[str, Any]]:
+def validation_json(found: Iterable[Any], signal: Signal) -> list[dict[str, Any]]:
     """Entries of files that no fit saw."""
     return [
         {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
