@@ -38,7 +38,7 @@ _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # f
 
 
 @dataclass(frozen=True)
-class Signal:
+class SignalUnit:
     """Unit in which the signal is shown, and the ending of its keys in JSON."""
 
     unit: Unit
@@ -50,7 +50,7 @@ class Signal:
         return entry(thing, **{f"{name}_{self.suffix}": (place, self.unit) for name, place in where.items()})
 
 
-SIGNALS = {"angle": Signal(ANGLE, "arcsec"), "torque": Signal(TORQUE, "newton_metre")}
+SIGNALS = {"angle": SignalUnit(ANGLE, "arcsec"), "torque": SignalUnit(TORQUE, "newton_metre")}
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -297,7 +297,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def validation_json(found: Iterable[Any], signal: Signal) -> list[dict[str, Any]]:
+def validation_json(found: Iterable[Any], signal: SignalUnit) -> list[dict[str, Any]]:
     """Entries of files that no fit saw."""
     return [
         {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}

@@ -207,6 +207,12 @@ def to_xlsx(result: Any, /, *, path: PathLike = "workbook") -> bytes:
     ------
     InputError
         If no table is made of such a result, or openpyxl is not installed.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> to_xlsx(rverror.effect("crank.index", crank=0, angle="1 arcmin"))[:2]  # a workbook is a zip file
+    b'PK'
     """
     told = table(result)
     single = [(name, of, of.shown(display=True).item()) for name, of in told.variables.items() if not of.dims]
