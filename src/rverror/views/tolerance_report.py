@@ -171,7 +171,7 @@ def _allocation_table(result: Allocation) -> Table:
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
-        title=(f"least cost {_within(result)}",),
+        title=(f"least cost {within(result)}",),
         verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}."),
         sentences=_sentences(result),
         shown={"tolerance": shown},
@@ -216,8 +216,8 @@ def _limited_by(found: Allocation) -> str:
     return {"worst": "the worst-case peak-to-peak", "yield": quantile, "load": unit}[found.kind]
 
 
-def _within(found: Allocation) -> str:
-    """What an allocation is for, to stand behind "Least cost"."""
+def within(found: Allocation) -> str:
+    """What an allocation is for, to stand behind "least cost"."""
     if found.limit is None:
         return f"at which {100 * found.level:g} % of the units meet all limits at the load"
     return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
