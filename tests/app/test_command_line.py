@@ -38,6 +38,7 @@ from rverror import (
 )
 from rverror.app import command_line as cli, diagnosis_commands, model_commands
 from rverror.app.terminal import Progress
+from rverror.base.spreadsheet import table_rows
 from rverror.base.units import ARCSEC, DISPLAY_UNITS
 from rverror.diagnosis.policy import POLICY
 from rverror.runs import write_run
@@ -341,6 +342,18 @@ def test_pictures_without_matplotlib_are_refused_before_the_work(
     line = refused(bench, capsys, ("diagnose", "worm.toml", "run.csv", "--plot", "out.png"))
     assert "matplotlib" in line
     assert "pip install 'rverror[plot]'" in line.replace("install it with", "use")
+
+
+def test_a_workbook_is_written_or_refused_before_the_work(
+    bench: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert call("diagnose", "worm.toml", "run.csv", "--xlsx", "out.xlsx") == 0
+    capsys.readouterr()
+    assert next(row[:2] for _, row in table_rows("out.xlsx")) == ["name", "value"]
+    monkeypatch.setattr(diagnosis_commands, "diagnose", unreachable)
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    line = refused(bench, capsys, ("diagnose", "worm.toml", "run.csv", "--xlsx", "other.xlsx"))
+    assert "other.xlsx: spreadsheets need openpyxl; install it by pip install 'rverror[io]'" in line
 
 
 @pytest.mark.parametrize("problem", [NotConvergedError("no equilibrium;\n raise the torque"), KeyboardInterrupt()])
@@ -856,11 +869,10 @@ def test_progress_is_told_only_once_it_takes_long(
 ) -> None:
     clock = [100.0]
     monkeypatch.setattr("rverror.app.terminal.time.monotonic", lambda: clock[0])
-    progress = Progress()
-    for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
-        clock[0] = now
-        progress(text)
-    progress.close()
+    with Progress() as progress:
+        for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
+            clock[0] = now
+            progress(text)
     assert capsys.readouterr().err == "[   2 s] first\n[   5 s] second\n"
 
 

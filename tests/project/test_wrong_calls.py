@@ -139,7 +139,7 @@ LEFT_OUT = {
     "save_compensation", "save_parts", "save_widths",
     "to_core",
     "to_csv", "to_display", "to_html",
-    "to_json", "to_pandas", "to_text", "to_xarray", "tolerances_as_made", "trend", "unit_error",
+    "to_json", "to_pandas", "to_text", "to_xarray", "to_xlsx", "tolerances_as_made", "trend", "unit_error",
     "unit_of_parts", "validated",
 }  # fmt: skip
 

@@ -138,10 +138,9 @@ def test_progress_is_one_line_of_a_terminal_else_lines(
     ):
         monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
         clock[0] = 0.0
-        progress = Progress()
-        clock[0] = 3.0
-        progress("65536 virtual units: 6 %")
-        progress.close()
+        with Progress() as progress:
+            clock[0] = 3.0
+            progress("65536 virtual units: 6 %")
         said = capsys.readouterr().err
         assert said.startswith(expected)
         assert ("\n" in said) != terminal

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import openpyxl
 import pandas as pd
 import pint
 import pytest
@@ -444,6 +447,27 @@ def test_nothing_of_the_result_is_changed() -> None:
     frame["output_angle"] = 0.0
     to_xarray(there)["output_angle"][:] = 0.0
     np.testing.assert_array_equal(there.output_angle, before)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_workbook_has_the_rows_of_each_frame_and_no_formula(kind: str) -> None:
+    result = replace(MODEL.effects[0], origin="=1+1") if kind == "Effect" else every_kind()[kind][0]
+    book = openpyxl.load_workbook(io.BytesIO(rverror.views.to_xlsx(result)))
+    single, *sheets = book.worksheets
+    told = to_xarray(result, display=True)
+    assert {row[0] for row in single.iter_rows(min_row=2, values_only=True)} == {
+        name for name, variable in told.data_vars.items() if not variable.dims
+    }
+    assert sheets
+    for sheet in sheets:
+        frame = to_pandas(result, rows=sheet.title, display=True)
+        head, *rows = sheet.iter_rows(values_only=True)
+        assert [str(cell).partition(" [")[0] for cell in head] == list(frame.columns)
+        for column, cells in zip(frame.columns, zip(*rows, strict=True), strict=False):
+            if frame[column].dtype.kind in "fi":
+                known = [math.nan if cell is None else float(cell) for cell in cells]
+                np.testing.assert_allclose(known, frame[column].to_numpy(dtype=float), rtol=1e-15)  # 16 digits
+        assert all(cell.data_type != "f" for row in sheet.iter_rows() for cell in row)
 
 
 def test_columns_without_pandas() -> None:

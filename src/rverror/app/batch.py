@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -30,6 +30,7 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
+from rverror.views.blocks import in_words
 from rverror.views.describing import input_files
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.html import document, escaped, table
@@ -43,6 +44,8 @@ _OWN_SUMMARY, _OWN_PAGE = "unit,state,", "<title>rverror"  # what files of any v
 _MOST_WORKERS = 61  # a limit of Windows
 
 Progress = Callable[[str], None]
+#: What a worker sends back: what became of the unit, content of the result and page, empty where it failed.
+_Answer = tuple["UnitOutcome", str, str]
 
 
 @dataclass(frozen=True)
@@ -116,16 +119,6 @@ class _Unit:
     def inputs(self) -> list[str]:
         """Files of which the result is made."""
         return [self.model, *self.runs] + ([] if self.mapping is None else [self.mapping])
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """What a worker sends back: the content of the result or one line of error."""
-
-    data: dict[str, Any] | None
-    page: str
-    error: str
-    seconds: float
 
 
 def diagnose_folder(
@@ -298,7 +291,7 @@ def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
 def _diagnose_unit(unit: _Unit) -> _Answer:
     """Work of one task; never raises, since not every exception survives the way back from another process."""
     start = time.perf_counter()
-    data, page, error = None, "", ""
+    outcome, content, page = UnitOutcome(unit.name, "failed"), "", ""
     try:
         if not unit.runs:
             raise InputError(f"{unit.folder}: no run beside the model; add one or more *.csv")
@@ -313,11 +306,13 @@ def _diagnose_unit(unit: _Unit) -> _Answer:
 
             page = to_html(found, files=files)
         data = diagnosis_json(found, files=files)
+        outcome, content = _outcome(unit, data), json.dumps(data, indent=1) + "\n"
     except (InputError, NotConvergedError) as problem:
-        error = str(problem)
+        outcome = replace(outcome, error=" ".join(str(problem).split()))
     except Exception as problem:  # a fault of the program: one unit of a night's work must not take the others along
         error = f"{unit.folder}: {type(problem).__name__}: {problem}; report it with the files of the unit"
-    return _Answer(data, page, " ".join(error.split()), time.perf_counter() - start)
+        outcome = replace(outcome, error=" ".join(error.split()))
+    return replace(outcome, seconds=time.perf_counter() - start), content, page
 
 
 def _work(executor: Executor, units: Sequence[_Unit], tell: Progress) -> dict[str, UnitOutcome]:
@@ -342,20 +337,18 @@ def _work(executor: Executor, units: Sequence[_Unit], tell: Progress) -> dict[st
 
 def _finish(unit: _Unit, future: Future[_Answer]) -> UnitOutcome:
     """Write the result of a unit."""
-    failed = UnitOutcome(unit.name, "failed")
     try:
-        answer = future.result()
+        outcome, content, page = future.result()
     except Exception as problem:  # of the executor: a worker killed, a cluster gone, a version that differs there
-        return replace(failed, error=_lost(problem))
-    if answer.data is None:
-        return replace(failed, error=answer.error, seconds=answer.seconds)
+        return UnitOutcome(unit.name, "failed", error=_lost(problem))
     try:
-        if unit.page is not None:
-            write_text(unit.page, answer.page, overwrite=True)
-        write_text(unit.result, json.dumps(answer.data, indent=1) + "\n", overwrite=True)
+        if content and unit.page is not None:
+            write_text(unit.page, page, overwrite=True)
+        if content:
+            write_text(unit.result, content, overwrite=True)
     except InputError as problem:
-        return replace(failed, error=str(problem), seconds=answer.seconds)
-    return replace(_outcome(unit, answer.data), seconds=answer.seconds)
+        return UnitOutcome(unit.name, "failed", error=str(problem), seconds=outcome.seconds)
+    return outcome
 
 
 def _lost(problem: Exception) -> str:
@@ -381,10 +374,9 @@ def _summary(batch: Batch) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS.split(","))
-    for o in batch.outcomes:
-        seconds = "" if o.seconds is None else f"{o.seconds:.2f}"
-        sizes = ["" if size is None else f"{size:g}" for size in (o.before, o.after)]
-        writer.writerow([o.unit, o.state, o.verdict, "; ".join(o.keys), *sizes, o.rms_unit, seconds, o.error])
+    for outcome in batch.outcomes:
+        told = replace(outcome, seconds=None if outcome.seconds is None else round(outcome.seconds, 2))
+        writer.writerow([f"{cell:g}" if isinstance(cell, float) else in_words(cell) for cell in astuple(told)])
     return text.getvalue()
 
 

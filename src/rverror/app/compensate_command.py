@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from contextlib import closing
 
 import numpy as np
 
@@ -110,7 +109,7 @@ def _with_causes(
         return model
     loads = ", ".join(with_unit(load, "torque") for load in new)
     tell(f"no run at {loads}: looking for causes, which predict the error at other loads")
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         return diagnose(model, runs, progress=progress).model
 
 

@@ -47,20 +47,24 @@ _SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
 _LOST_MOTION = 0.03  # of the rated torque, at which makers read it
 
 
-#: Options of a duty's heat: dimension, how it is written, what it is.
+#: Options of a duty's heat, by what the library calls them.
 _HEAT = {
-    "thermal_resistance": (
-        "thermal_resistance",
-        "0.3 K/W",
-        "thermal resistance from the housing to the surroundings (default 0)",
+    "thermal_resistance": option(
+        '"0.3 K/W"',
+        "with --phase: thermal resistance from the housing to the surroundings (default 0)",
+        size="thermal_resistance",
     ),
-    "inside_resistance": (
-        "thermal_resistance",
-        "0.1 K/W",
-        "thermal resistance from the inside to the housing (default 0)",
+    "inside_resistance": option(
+        '"0.1 K/W"',
+        "with --phase: thermal resistance from the inside to the housing (default 0)",
+        size="thermal_resistance",
     ),
-    "ambient": ("temperature", "20 degC", "temperature of the surroundings (default 20 degC)"),
-    "temperature": ("temperature", "50 degC", "temperature of the whole unit, if it is known"),
+    "ambient": option(
+        '"20 degC"', "with --phase: temperature of the surroundings (default 20 degC)", size="temperature"
+    ),
+    "temperature": option(
+        '"50 degC"', "with --phase: temperature of the whole unit, if it is known", size="temperature"
+    ),
 }
 #: What `--lubricant` takes, in order: dimension, and how it is written.
 _OIL = {
@@ -93,10 +97,7 @@ def _angles(count: int) -> dict[str, Any]:
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
         "--direction": choice(WAYS, "forward"),
         **PHASES,
-        **{
-            f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {told}", size=dimension)
-            for name, (dimension, example, told) in _HEAT.items()
-        },
+        **{f"--{name.replace('_', '-')}": row for name, row in _HEAT.items()},
         "--lubricant": option(("AT_40", "AT_100", "TEMPERATURE", "SPEED"), _LUBRICANT, nargs=4),
         **save("NEW.toml", "with --phase: write the model of the warm unit"),
         **_angles(EFFICIENCY_ANGLES),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Sequence
-from contextlib import closing
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         from rverror.tolerances.tolerance_file import load_tolerances  # half of all modules, for this option alone
 
         prior = load_tolerances(options.prior, model)
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         result = diagnose(model, runs, jobs=options.jobs, prior=prior, progress=progress)
     if unseen:
         result = validated(result, unseen)
@@ -102,7 +101,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
     Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was stopped
     goes on when the command is given again.
     """
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         batch = diagnose_folder(
             options.folder,
             out=options.output,
@@ -112,8 +111,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
             jobs=options.jobs,
             progress=progress,
         )
-    for note in batch.notes:
-        tell(note)
+    tell(*batch.notes)
     for outcome in batch.outcomes:
         (tell if outcome.state == "failed" else print)(told(outcome))
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))

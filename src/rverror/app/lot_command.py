@@ -6,7 +6,7 @@ import argparse
 import os
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, closing, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from rverror.app.batch import processes
@@ -96,7 +96,7 @@ def _lot(options: argparse.Namespace) -> None:
     if options.compress is not None:
         _compress(inputs, options)
         return
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
@@ -119,10 +119,9 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
-    with closing(Progress()) as progress, _workers(options.jobs, inputs) as executor:
+    with Progress() as progress, _workers(options.jobs, inputs) as executor:
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
-    for note in inputs.notes:
-        tell(note)
+    tell(*inputs.notes)
     print(f"{options.compress}: {count_of(done.units, 'unit')}, the runs of {done.read} read now")
 
 

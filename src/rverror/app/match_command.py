@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from contextlib import closing
 
 from rverror.app.terminal import (
     Progress,
@@ -64,9 +63,8 @@ def _match(options: argparse.Namespace) -> None:
     with named():
         limits = [one for one in limits_of(options, model) if one.value is not None]
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
-    for note in read.notes:
-        tell(note)
-    with closing(Progress()) as progress:
+    tell(*read.notes)
+    with Progress() as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
     write_results(found, options)
     if options.save:

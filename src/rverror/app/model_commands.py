@@ -89,8 +89,7 @@ def _simulate(options: argparse.Namespace) -> None:
     texts = [run_text(run) for run in runs]
     if orders:
         table = order_table_from_runs(runs, model, orders)
-        for note in table.notes:
-            tell(note)
+        tell(*table.notes)
         texts = [orders_text(table)]
     for path, text in zip(paths, texts, strict=True):
         write_text_output(path, text)

@@ -56,8 +56,7 @@ def _parts(options: argparse.Namespace) -> None:
     places, turns = places_in_list(options.units, options.unit) if options.units else given
     model = load_model(options.model)
     read = load_parts(options.files, model.mechanism, mapping=options.mapping)
-    for note in read.notes:
-        tell(note)
+    tell(*read.notes)
     if suffix == ".csv":
         say_replaced(target)
         save_parts(target, read.parts, overwrite=True)

@@ -17,6 +17,7 @@ from typing import Any
 
 from rverror.base import units
 from rverror.base.errors import InputError
+from rverror.base.spreadsheet import openpyxl_for
 from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
@@ -51,7 +52,11 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def close(self) -> None:
+    def __enter__(self) -> Progress:
+        """Begin."""
+        return self
+
+    def __exit__(self, *problem: object) -> None:
         """Clear the line."""
         if self.terminal and self.last > self.start:
             print(f"\r{'':<100}\r", end="", file=sys.stderr, flush=True)
@@ -119,12 +124,13 @@ def save(metavar: str, help: str) -> dict[str, Option]:
     return {"--save": option(metavar, help, writes=True)}
 
 
-def results(*, plot: str | None = None, html: bool = True) -> dict[str, Option]:
-    """Options that write a result: JSON, a page, and a picture where `plot` says of what."""
+def results(*, plot: str | None = None, tables: bool = True) -> dict[str, Option]:
+    """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
     found = {"--json": option("OUT.json", "write the result as JSON", writes=True)}
-    if html:
+    if tables:
         page = "write one self-contained page with tables and pictures"
         found["--html --report"] = option("OUT.html", page, writes=True)
+        found["--xlsx"] = option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True)
     if plot is not None:
         found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
     return found
@@ -216,6 +222,8 @@ def add_command(commands: Any, made: Command) -> None:
             from rverror.views.plots.figure import bare_figure
 
             bare_figure(1.0, 1.0)  # refused where matplotlib is not installed
+        if getattr(given, "xlsx", None):
+            openpyxl_for(given.xlsx, "leave out --xlsx")
         made.run(given)
 
     parser.set_defaults(run=begin)
@@ -259,16 +267,18 @@ def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], An
 
 def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
     """Write a result as the options of `results` ask, with `more` told of it; `draw` makes axes of its own picture."""
-    html, plot = getattr(options, "html", None), getattr(options, "plot", None)
-    if options.json or html:
+    html, plot, xlsx = (getattr(options, name, None) for name in ("html", "plot", "xlsx"))
+    if options.json or html or xlsx:
         from rverror.views.describing import input_files  # half of all modules
-        from rverror.views.report import to_html, to_json
+        from rverror.views.report import to_html, to_json, to_xlsx
 
         files = input_files(options.inputs)
         if options.json:
             write_json(options.json, to_json(found, files=files, **more))
         if html:
             write_output(html, to_html(found, files=files, **more))
+        if xlsx:
+            write_output(xlsx, to_xlsx(found, path=xlsx))
     if plot:
         from rverror.views.plots.figure import to_bytes  # loads matplotlib
         from rverror.views.plots.page_figures import figure_of
@@ -354,6 +364,15 @@ def quantity(option: str, text: str, dimension: str, *, example: str, least: flo
     return value
 
 
+def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str) -> list[float]:
+    """Values of an option with commas between them, by the names of their parts."""
+    parts, (*first, last) = text.split(","), dimensions
+    if len(parts) != len(dimensions):
+        raise InputError(f"{option}: {shown(text)} is not {', '.join(first)} and {last}; write it like '{example}'")
+    each = zip(parts, dimensions.values(), strict=True)
+    return [quantity(option, part, dimension, example=example) for part, dimension in each]
+
+
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
     """Option that gives a load over the angle."""
     told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
@@ -362,16 +381,12 @@ def arm_option(what: str, more: str = "") -> dict[str, Option]:
 
 def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
+    dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
+    mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
     try:
-        mass, lever, offset = text.split(",")
-        return GravityArm(
-            mass=units.parse(mass.strip(), "mass"),
-            lever=units.parse(lever.strip(), "length"),
-            offset=units.parse(offset.strip(), "angle"),
-        )
+        return GravityArm(mass=mass, lever=lever, offset=offset)
     except ValueError as problem:
-        what = str(problem).partition(";")[0] if text.count(",") == 2 else f"{shown(text)} has not three parts"
-        raise InputError(f"--arm: {what}; write mass, lever and angle like '{_ARM}'") from problem
+        raise InputError(f"--arm {text!r}: {problem}; write it like '{_ARM}'") from problem
 
 
 #: Option for phases of a duty.
@@ -389,13 +404,8 @@ def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     """Phases of a duty, each torque, speed and hours."""
     phases = []
     for text in texts:
-        parts = text.split(",")
-        if len(parts) != 3:
-            raise InputError(f"--phase: {text!r} is not torque, speed and time; write it like '{_PHASE}'")
-        torque, speed, time_ = (
-            quantity("--phase", part, dimension, example=_PHASE)
-            for part, dimension in zip(parts, ("torque", "angular_speed", "time"), strict=True)
-        )
+        dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
+        torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
         try:
             phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
         except ValueError as problem:
@@ -418,9 +428,10 @@ def say_replaced(path: str | Path) -> None:
         tell(f"replacing {path}")
 
 
-def tell(text: str) -> None:
-    """Print a note on standard error."""
-    print(f"rverror: {text}", file=sys.stderr)
+def tell(*texts: str) -> None:
+    """Print notes on standard error."""
+    for text in texts:
+        print(f"rverror: {text}", file=sys.stderr)
 
 
 def given_twice(paths: Sequence[str]) -> str | None:

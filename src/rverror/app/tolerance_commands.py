@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from contextlib import closing
 
 from rverror.app.terminal import (
     MODEL,
@@ -111,7 +110,7 @@ def _budget(options: argparse.Namespace) -> None:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("--yield", "--loaded-units"), unused)
     limits = limits_of(options, model) if at_load else ()
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         found = error_budget(
             model,
             tolerances,
@@ -153,7 +152,7 @@ def _allocate(options: argparse.Namespace) -> None:
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: Sequence[FrontPoint] = ()
-    with closing(Progress()) as progress:
+    with Progress() as progress:
         if options.kind == "load":
             found = _allocated_at_load(options, model, tolerances, progress)
         else:

@@ -19,6 +19,7 @@ from rverror.app.terminal import (
     results,
     save,
     save_model,
+    sizes,
     write_results,
 )
 from rverror.base.directions import DIRECTIONS
@@ -105,22 +106,18 @@ def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterato
 
 
 def _coefficients(given: Sequence[str]) -> WearCoefficients:
-    sizes: dict[str, float] = {}
+    found: dict[str, float] = {}
     for names, text in _by_body("--coefficient", given, (*BODIES, *JOINTS)):
         joint = names[0] in JOINTS
         dimension, example = ("contact_compliance", "1e-8 um/kN") if joint else ("wear_coefficient", _COEFFICIENT)
-        sizes |= dict.fromkeys(names, quantity("--coefficient", text, dimension, example=example))
-    return WearCoefficients(**sizes)
+        found |= dict.fromkeys(names, quantity("--coefficient", text, dimension, example=example))
+    return WearCoefficients(**found)
 
 
 def _running_in(given: Sequence[str]) -> dict[str, RunningIn]:
     rough: dict[str, RunningIn] = {}
     for names, text in _by_body("--running-in", given, BODIES):
-        depth, _, speed = text.partition(",")
-        example = f"0.5 um, {_COEFFICIENT}"
-        one = RunningIn(
-            depth=quantity("--running-in", depth, "length", example=example),
-            coefficient=quantity("--running-in", speed, "wear_coefficient", example=example),
-        )
-        rough |= dict.fromkeys(names, one)
+        dimensions = {"depth": "length", "coefficient": "wear_coefficient"}
+        depth, coefficient = sizes("--running-in", text, dimensions, example=f"0.5 um, {_COEFFICIENT}")
+        rough |= dict.fromkeys(names, RunningIn(depth=depth, coefficient=coefficient))
     return rough

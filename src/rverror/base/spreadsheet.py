@@ -1,9 +1,12 @@
-"""Tables as rows of texts, of CSV files and of spreadsheets."""
+"""Tables as rows, of CSV files and of spreadsheets."""
 
 from __future__ import annotations
 
 import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import PathLike, read_text, split_lines
@@ -48,12 +51,7 @@ def sheet_rows(path: PathLike) -> list[tuple[int, list[str]]]:
     InputError
         If openpyxl is not installed, or the file is no workbook.
     """
-    try:
-        import openpyxl  # extra 'io'
-    except ImportError as error:
-        raise InputError(
-            f"{path}: spreadsheets need openpyxl; install it by pip install 'rverror[io]', or save the sheet as CSV"
-        ) from error
+    openpyxl = openpyxl_for(path, "save the sheet as CSV")
     try:
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         cells = [list(row) for row in book.worksheets[0].iter_rows(values_only=True)]
@@ -63,6 +61,46 @@ def sheet_rows(path: PathLike) -> list[tuple[int, list[str]]]:
     return [
         (number, ["" if cell is None else str(cell).strip() for cell in row]) for number, row in enumerate(cells, 1)
     ]
+
+
+def openpyxl_for(path: PathLike, otherwise: str) -> Any:
+    """What reads and writes workbooks.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import openpyxl  # extra 'io'
+    except ImportError as error:
+        raise InputError(
+            f"{path}: spreadsheets need openpyxl; install it by pip install 'rverror[io]', or {otherwise}"
+        ) from error
+    return openpyxl
+
+
+def workbook(path: PathLike, sheets: Mapping[str, Iterable[Sequence[object]]]) -> bytes:
+    """Workbook of sheets by their names, as the bytes of a file; a text is no formula, whatever it begins with.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Where it is to be written, for messages.
+    sheets : mapping of str to rows
+        Cells are numbers, texts that can be printed, or None.
+    """
+    openpyxl = openpyxl_for(path, "write CSV or JSON")
+    book, buffer = openpyxl.Workbook(write_only=True), io.BytesIO()
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name[:31])  # Excel takes no more letters
+        for row in rows:
+            cells = [openpyxl.cell.WriteOnlyCell(sheet, value) for value in row]
+            for cell in cells:
+                cell.data_type = "s" if cell.data_type == "f" else cell.data_type
+            sheet.append(cells)
+    book.save(buffer)
+    return buffer.getvalue()
 
 
 #: What reads a table, by the ending of its name.

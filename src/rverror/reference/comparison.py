@@ -29,7 +29,7 @@ from rverror.reference.cases import (
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
 from rverror.runs.reading import refuse
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, plus_minus
+from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
 from rverror.views.blocks import Sheet, facts, grid, line, notes, section, title
 from rverror.views.describing import content, sheet
 
@@ -291,7 +291,7 @@ _BOTH = "angles and error count counter-clockwise; your tool may look from the o
 @sheet.register
 def _comparison_sheet(found: Comparison, *, most: int = 12) -> Sheet:
     def measured(value: float, figure: Figure) -> str:
-        bench = "" if found.bench is None else f"{plus_minus(found.bench.of(figure) / ARCSEC)} ({BESIDE})"
+        bench = "" if found.bench is None else f" ± {found.bench.of(figure) / ARCSEC:.3f} ({BESIDE})"
         return f"{_arcsec(value)}{bench}"
 
     told = [one for one in found.orders[:most] if abs(one.difference) >= 1e-6 * ARCSEC]

@@ -8,7 +8,7 @@ from rverror.base.numbers import in_arcsec
 from rverror.base.units import ARCSEC
 from rverror.runs.measuring_chain import COVERAGE, BenchUncertainty, Figure
 from rverror.views.blocks import Sheet, grid, line
-from rverror.views.fields import entry
+from rverror.views.fields import Field, entry
 from rverror.views.variables import ANGLE, NUMBER
 
 #: What stands in brackets behind a figure's uncertainty.
@@ -18,15 +18,14 @@ _FIGURES: tuple[Figure, ...] = ("reading", "peak_to_peak", "rms")
 _ANGLES = ("limit", "standard", "in_a_peak_to_peak", "in_an_rms")
 
 
-def plus_minus(value: float | None) -> str:
-    """Uncertainty as it stands behind a figure, the value in the figure's unit; nothing where none is stated.
+def of_orders(bench: BenchUncertainty | None) -> dict[str, Field]:
+    """Column of what the bench leaves uncertain of each order's amplitude; none where nothing is stated."""
+    return {} if bench is None else {"bench_uncertainty": (lambda one: bench.of_order(one.order), ANGLE)}
 
-    Examples
-    --------
-    >>> plus_minus(1.4319), plus_minus(None)
-    (' ± 1.432', '')
-    """
-    return "" if value is None else f" ± {value:.3f}"
+
+def order_json(bench: BenchUncertainty | None, order: float) -> dict[str, Any]:
+    """Entry of JSON of the same."""
+    return {"bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(order))}
 
 
 def bench_json(bench: BenchUncertainty | None, *, whole: bool = True) -> dict[str, Any] | None:

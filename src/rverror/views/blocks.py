@@ -13,7 +13,7 @@ from typing import Any
 
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import joined
-from rverror.views.html import escaped, scrolled
+from rverror.views.html import escaped, table
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -41,7 +41,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Sentence:
-    """A sentence; a strong one is read first."""
+    """A sentence, and the words of its beginning that are read first, if any."""
 
     text: str
     strong: str = ""
@@ -216,15 +216,13 @@ def _html_of(block: Block) -> str:
         case Sentence(strong=""):
             return _soft(block.text)
         case Sentence():
-            before, _, after = block.text.partition(block.strong)
-            said = f"{escaped(before)}<strong>{escaped(block.strong)}</strong>{escaped(after)}"
-            return f'<p class="verdict">{said}</p>'
+            return f'<p class="verdict"><strong>{escaped(block.strong)}</strong>{escaped(block.text)}</p>'
         case Listing():
             told = []
             for part in block.parts():
                 rows = [[escaped(row[at]) for at in part] for row in block.cells()]
                 flush = [place for place, at in enumerate(part) if at in block.flush()]
-                told.append(scrolled([block.heads[at] for at in part], rows, numbers=flush))
+                told.append(table([block.heads[at] for at in part], rows, numbers=flush))
             return "\n".join(told) + (_soft(block.more()) if block.more() else "")
         case Facts():
             rows_of = (
@@ -260,7 +258,7 @@ def _text_of(block: Block) -> Iterator[str]:
             yield block.text
             yield "-" * len(block.text)
         case Sentence():
-            yield block.text
+            yield block.strong + block.text
         case Listing():
             rows, flush = [list(block.heads), *block.cells()], block.flush()
             widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]

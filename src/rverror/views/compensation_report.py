@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from rverror.base import units
 from rverror.base.numbers import brief, count_of
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.table_files import WrittenTable, correction_json, table_told
 from rverror.runs.measuring_chain import uncertainty_of
-from rverror.views.bench_report import bench_json, of_figures
+from rverror.views.bench_report import bench_json, of_figures, of_orders
 from rverror.views.blocks import Sentence, Sheet
 from rverror.views.describing import described, entries, sheet, sheet_of, table as table_of
-from rverror.views.fields import about, arrays, entry, rows
+from rverror.views.diagnosis_report import SIGNALS, validation_json
+from rverror.views.fields import about, entry, rows
 from rverror.views.model_report import name_of
-from rverror.views.variables import ANGLE, NUMBER, Table
+from rverror.views.variables import ANGLE, NUMBER, TORQUE, Table
 
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 
@@ -24,12 +24,11 @@ _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table
 def _table(result: Compensation) -> Table:
     bench = uncertainty_of(result.model.encoders, result.model.mechanism.ratio)
     stages = (("before", result.before), ("after", result.after))
-    of_orders = [] if bench is None else [bench.of_order(one.order) for one in result.orders]
     variables = {
         **rows("stage", stages, stage="0", rms=("1.rms", ANGLE), low=("1.low", ANGLE), high=("1.high", ANGLE)),
         **rows("unseen", result.unseen, "unseen_", file=None, before=ANGLE, after=ANGLE),
         **rows("order", result.orders, order=NUMBER, amplitude=ANGLE, left=ANGLE, law=None, frames=None),
-        **(arrays("order", of_orders, bench_uncertainty=("", ANGLE)) if of_orders else {}),
+        **rows("order", result.orders, **of_orders(bench)),
     }
     stays = [f"Remains: {text}" for text in result.stays]
     if bench is not None:
@@ -43,7 +42,7 @@ def _table(result: Compensation) -> Table:
         variables,
         about(result, "index", "stays", "notes", model=name_of(result.model)),
         title=(name_of(result.model),),
-        verdict=(f"{strong}{fall}.", strong),
+        verdict=(strong, f"{fall}."),
         sentences=tuple(stays),
         rows="order",
     )
@@ -59,14 +58,7 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
             for stage in ("before", "after")
         },
         "bench_uncertainty": bench_json(uncertainty_of(made.model.encoders, made.model.mechanism.ratio)),
-        "validation": [
-            {
-                "file": one.file,
-                "before": entry(one, rms_arcsec=("before", ANGLE)),
-                "after": entry(one, rms_arcsec=("after", ANGLE)),
-            }
-            for one in made.unseen
-        ],
+        "validation": validation_json(made.unseen, SIGNALS["angle"]),
         "table": None if table is None else _written(table),
         "correction": correction_json(made.correction, made.index),
     }
@@ -74,10 +66,10 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
 
 def _written(made: WrittenTable) -> dict[str, Any]:
     return {
-        "output_torque_newton_metre": None if made.torque is None else units.to_display(made.torque, "torque"),
         "points": made.points or None,
         **entry(
             made,
+            output_torque_newton_metre=("torque", TORQUE),
             format=None,
             expected_rms_arcsec=("expected", ANGLE),
             between_points_rms_arcsec=("between", ANGLE),

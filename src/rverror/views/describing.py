@@ -13,13 +13,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief
+from rverror.base.text import read_bytes
 from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
 from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
@@ -87,18 +87,20 @@ def _plain(value: Any) -> Any:
 
 def sheet_of(told: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
-    others = (dim for dim in told.dims if dim != told.rows and dim not in LONG)
+    strong, rest = told.verdict
+    others = [dim for dim in told.dims if dim != told.rows and dim not in LONG]
+    headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
         *title(kind_in_words(told), *told.title),
-        *((Sentence(*told.verdict),) if told.verdict[0] else ()),
+        *((Sentence(rest, strong),) if strong else ()),
         *facts({**_single_numbers(told), **told.facts}),
         *listed(told, told.rows),
         *map(Sentence, told.sentences),
     )
-    sections = tuple(block for dim in others for block in section(_heading(dim), *listed(told, dim)))
+    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(told, dim)))
     return (
         *blocks,
-        *line(_COUNTED if told.verdict[0] and re.search(_INDEX, as_text(blocks + sections)) else ""),
+        *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
         *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
     )
@@ -115,11 +117,6 @@ def _single_numbers(told: Table) -> dict[str, str]:
         if not name.endswith(("_low", "_high")):
             facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
     return facts_of
-
-
-def _heading(dim: str) -> str:
-    """Heading of the rows along a dimension."""
-    return _HEADINGS.get(dim, _words(dim).capitalize())
 
 
 def kind_in_words(told: Table) -> str:
@@ -262,14 +259,8 @@ def input_files(paths: Sequence[str | os.PathLike[str]]) -> tuple[InputFile, ...
     >>> [file.bytes > 0 for file in input_files([resources.files("rverror") / "data" / "demo" / "model.toml"])]
     [True]
     """
-    found = []
-    for path in paths:
-        try:
-            raw = Path(path).read_bytes()
-        except OSError as error:
-            raise InputError(f"{path}: cannot read it for its hash ({error.strerror}); check the path") from error
-        found.append(InputFile(os.fspath(path), hashlib.sha256(raw).hexdigest(), len(raw)))
-    return tuple(found)
+    read = [(os.fspath(path), read_bytes(path)) for path in paths]
+    return tuple(InputFile(path, hashlib.sha256(raw).hexdigest(), len(raw)) for path, raw in read)
 
 
 def enveloped(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import brief, count_of, in_arcsec, way
+from rverror.base.numbers import brief, count_of, way
 from rverror.base.text import describe
 from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
@@ -18,23 +18,27 @@ from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
+from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
 from rverror.views.by_order import beside, samples_per_turn, turns_of
 from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
-from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows
-from rverror.views.model_report import name_of
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, value_at
+from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
 _NAMED = 6  # rivals of a cause
 _RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
+_SAMPLES = {
+    **{name: name for name in ("theta", "measured", "before", "after")},
+    **{"residual_before": "residual.0", "residual_after": "residual.1"},
+}
 _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 
 
 @dataclass(frozen=True)
-class _Signal:
+class SignalUnit:
     """Unit in which the signal is shown, and the ending of its keys in JSON."""
 
     unit: Unit
@@ -46,7 +50,7 @@ class _Signal:
         return entry(thing, **{f"{name}_{self.suffix}": (place, self.unit) for name, place in where.items()})
 
 
-SIGNALS = {"angle": _Signal(ANGLE, "arcsec"), "torque": _Signal(TORQUE, "newton_metre")}
+SIGNALS = {"angle": SignalUnit(ANGLE, "arcsec"), "torque": SignalUnit(TORQUE, "newton_metre")}
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -100,11 +104,7 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 @described.register
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
-    of_bench: dict[str, Field] = {}
-    of_rms: dict[str, Field] = {}
-    if bench is not None:
-        of_bench["bench_uncertainty"] = (lambda one: bench.of_order(one.order), ANGLE)
-        of_rms["bench_uncertainty"] = (lambda _: bench.of("rms"), ANGLE)
+    of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
     shares = alike(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
     variables = {
         **_added(result, signal),
@@ -116,7 +116,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             "unexplained_",
             order=NUMBER,
             **alike(signal, "amplitude", "low", "high", "cos", "sin"),
-            **of_bench,
+            **of_orders(bench),
             frames=lambda one: one.frames or beside(unit, one.order),
             alias_of=lambda one: _folds(one, result),
         ),
@@ -185,24 +185,18 @@ def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
 
 
 def _declared(result: Diagnosis) -> dict[str, Variable]:
-    """Declared sizes, and what the fit made of them."""
-    effects = result.declared.effects
-    refitted = [one.values for one in result.model.effects[: len(effects)]]
-    each = [
-        (effect, parameter, value, fitted)
-        for effect, of_effect in zip(effects, refitted, strict=False)
-        for parameter, value, fitted in zip(CATALOGUE[effect.key].parameters, effect.values, of_effect, strict=True)
-    ]
+    """Declared sizes, and what the fit made of them: its model has them first."""
+    declared, fitted = sizes_of(result.declared.effects), sizes_of(result.model.effects)
     return rows(
         "declared",
-        each,
+        [(*size, refitted) for size, (*_, refitted) in zip(declared, fitted, strict=False)],
         "declared_",
-        ("declared_unit", "1.dimension"),
-        effect=lambda row: describe(row[0].key, row[0].indices),
-        parameter="1.name",
-        value=("2", OWN),
-        sigma=("0.uncertainty", OWN),
-        refitted=("3", OWN),
+        ("declared_unit", "2.dimension"),
+        effect=lambda row: describe(row[1].key, row[1].indices),
+        parameter="2.name",
+        value=("3", OWN),
+        sigma=("1.uncertainty", OWN),
+        refitted=("4", OWN),
     )
 
 
@@ -217,19 +211,14 @@ def _angles_of(result: Diagnosis, dim: str, name: str) -> dict[str, Variable]:
     return rows(dim, marked, f"{dim}_", run=("0", COUNT), theta=("1", POSITION))
 
 
-def _joined(values: Sequence[Array]) -> Array:
-    return np.concatenate(values) if values else np.zeros(0)
-
-
 def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
     """Waveforms of all runs one after another, for each has angles of its own."""
     traces, sampled = result.traces, math.isfinite(samples_per_turn(result))
-    samples = {
-        "run": [np.full(trace.theta.size, at) for at, trace in enumerate(traces)],
-        **{name: [getattr(trace, name) for trace in traces] for name in ("theta", "measured", "before", "after")},
-        **{f"residual_{name}": [trace.residual[at] for trace in traces] for at, name in enumerate(("before", "after"))},
+    joined: dict[str, Array] = {
+        name: np.concatenate([np.zeros(0), *(value_at(trace, place) for trace in traces)])
+        for name, place in _SAMPLES.items()
     }
-    units = {"run": NUMBER, "theta": POSITION}
+    number = np.repeat(np.arange(len(traces)), np.array([trace.theta.size for trace in traces], dtype=int))
     return {
         **rows(
             "run",
@@ -241,10 +230,8 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             index=None,
             samples_per_turn=(lambda one: one.theta.size / turns_of(one.theta) if sampled else None, NUMBER),
         ),
-        **{
-            f"sample_{name}": Variable(("sample",), _joined(values), units.get(name, signal))
-            for name, values in samples.items()
-        },
+        **arrays("sample", number, "sample_", run=("", NUMBER)),
+        **arrays("sample", joined, "sample_", **(alike(signal, *joined) | {"theta": POSITION})),
     }
 
 
@@ -284,12 +271,12 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         **signal.of(diagnosis, "noise_rms"),
         **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
         "bench_uncertainty": bench_json(bench, whole=not diagnosis.shares),
-        "added": [_addition(addition, signal) for addition in diagnosis.added],
+        "added": added_json(diagnosis),
         "unexplained_orders": [
             {
                 **entry(one, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
                 **signal.of(one, "amplitude"),
-                "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
+                **order_json(bench, one.order),
             }
             for one in diagnosis.unexplained
         ],
@@ -304,28 +291,37 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "stiffness": [entry(one, one.dimension, **stiffness) for one in diagnosis.elastic],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
-        "validation": [
-            {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
-            for one in diagnosis.validation
-        ],
+        "validation": validation_json(diagnosis.validation, signal),
         "unit": signal.unit.shown,
         "suffix": signal.suffix,
     }
+
+
+def validation_json(found: Iterable[Any], signal: SignalUnit) -> list[dict[str, Any]]:
+    """Entries of files that no fit saw."""
+    return [
+        {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
+        for one in found
+    ]
 
 
 def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
     return {"key": key, "indices": dict(indices)}
 
 
-def _addition(addition: Addition, signal: _Signal) -> dict[str, Any]:
+def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Entries of what was added."""
     sizes: dict[str, Field] = {"value": OWN, "unit": OWN_NAME, "low": OWN, "high": OWN}
-    return {
-        **_cause(addition.effect.key, addition.effect.indices),
-        "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
-        "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
-        **entry(addition, orders=NUMBER, notes=None),
-        **signal.of(addition, "heldout_rms"),
-    }
+    return [
+        {
+            **_cause(addition.effect.key, addition.effect.indices),
+            "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
+            "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
+            **entry(addition, orders=NUMBER, notes=None),
+            **SIGNALS[diagnosis.quantity].of(addition, "heldout_rms"),
+        }
+        for addition in diagnosis.added
+    ]
 
 
 # --- for people -------------------------------------------------------------------------------------------------------
@@ -339,7 +335,7 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
     return (
         *title("Diagnosis", name_of(diagnosis.declared)),
-        Sentence(*_verdict(diagnosis)),
+        _verdict(diagnosis),
         *listed(told, "stage"),
         *line(_credit(diagnosis)),
         *listed(told, "added"),
@@ -384,8 +380,8 @@ def _is_cause(addition: Addition) -> bool:
     return entry is None or entry.is_cause
 
 
-def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
-    """The outcome in one or two sentences, and the word to be read first."""
+def _verdict(diagnosis: Diagnosis) -> Sentence:
+    """The outcome in one or two sentences."""
     unit, bench = SIGNALS[diagnosis.quantity].unit, stated_bench(diagnosis)
     before, after, noise = (
         brief(size / unit.size, 3)
@@ -410,7 +406,7 @@ def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
         ),
     }
     strong, rest = words[diagnosis.verdict]
-    return f"{strong}: {rest} {fall}", strong
+    return Sentence(f": {rest} {fall}", strong)
 
 
 def _or_rivals(others: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> str:
@@ -463,7 +459,7 @@ def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
             others = ", ".join(describe(*other) for other in step.separates)
             tells = f" This tells {describe(addition.effect.key, addition.effect.indices)} from {others}."
         why = f": {step.why}" if step.why else ""
-        yield Sentence(f"Measure next, {at}: {step.what}{why}.{tells}", strong=f"Measure next, {at}:")
+        yield Sentence(f" {step.what}{why}.{tells}", strong=f"Measure next, {at}:")
 
 
 def _not_determined(diagnosis: Diagnosis) -> str:

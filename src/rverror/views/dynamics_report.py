@@ -145,14 +145,13 @@ def _speeds_table(result: SpeedResponse) -> Table:
 
 
 def _speeds_verdict(result: SpeedResponse) -> tuple[str, str]:
-    """The critical speed with the largest amplitude, and the words of it to be read first."""
+    """The critical speed with the largest amplitude."""
     if not result.critical_speeds:
-        strong = "No critical speed"
-        return f"{strong}: no order reaches {CRITICAL:g} times its amplitude at very low speed.", strong
+        return "No critical speed", f": no order reaches {CRITICAL:g} times its amplitude at very low speed."
     top = max(result.critical_speeds, key=lambda one: one.amplitude)
     strong = f"Order {top.order:g} is largest at {with_unit(top.speed, 'angular_speed')}"
     size = f"{brief(top.amplitude / ARCSEC, 3)} arcsec, {brief(top.growth, 3)} times its amplitude at very low speed"
-    return f"{strong}: {size}; the natural frequency there is {brief(top.frequency, 3)} Hz.", strong
+    return strong, f": {size}; the natural frequency there is {brief(top.frequency, 3)} Hz."
 
 
 def _natural(result: SpeedResponse | RunUp) -> dict[str, Variable]:

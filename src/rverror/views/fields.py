@@ -115,9 +115,9 @@ def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, 
     return {name: (f"{within}{name}", unit) for name in names}
 
 
-def sized(name: str, unit: Unit, place: str) -> dict[str, Field]:
+def sized(name: str, unit: Unit, place: str = "", value: str = "value") -> dict[str, Field]:
     """Fields of a value and of the ends of its interval."""
-    return {f"{name}{end}": (f"{place}.{of}", unit) for end, of in (("", "value"), ("_low", "low"), ("_high", "high"))}
+    return {f"{name}{end}": (f"{place}.{of}", unit) for end, of in (("", value), ("_low", "low"), ("_high", "high"))}
 
 
 def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Place, Any]]]:
@@ -158,4 +158,4 @@ def _plain(value: Any, unit: Any) -> Any:
         return value
     if hasattr(value, "low"):
         return [_plain(end, unit) for end in (value.low, value.high)]
-    return rounded(float(value) / unit.size)
+    return rounded(unit.of(float(value)))

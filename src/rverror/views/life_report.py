@@ -78,7 +78,7 @@ def _compared_table(result: RunsCompared) -> Table:
         variables,
         about(result, "conditions", "noise", "notes"),
         title=("; ".join(result.conditions),),
-        verdict=(f"{strong} by more than the noise, {brief(result.noise / ARCSEC, 2)} arcsec per order", strong),
+        verdict=(strong, f" by more than the noise, {brief(result.noise / ARCSEC, 2)} arcsec per order"),
         sentences=tuple(_rivals(result.changed)),
         shown={"change": [name for name in _SHOWN if name not in ("course", "since")]},
     )
@@ -157,21 +157,17 @@ def _changed(row: tuple[Changed, Grown], **fields: Field) -> dict[str, Any]:
 
 
 def _trend_verdict(trend: Trend) -> tuple[str, str]:
-    """What grows and jumped, and the words of it to be read first."""
+    """What grows and jumped."""
+    chance = f"(chance {brief(trend.chance, 2)})"
     if not trend.changed:
-        strong = "Nothing has changed"
         rest = "beyond noise" if trend.chance >= _LACKING else "that a cause explains, yet sessions differ beyond noise"
-        return f"{strong} {rest} (chance {brief(trend.chance, 2)})", strong
+        return "Nothing has changed", f" {rest} {chance}"
     grows, jumped = len(trend.growing), len(trend.jumps)
     parts = [f"{count_of(grows, 'cause')} {'grows' if grows == 1 else 'grow'}"] if grows else []
     parts += [count_of(jumped, "jump")] if jumped else []
-    strong = " and ".join(parts)
-    left = (
-        f"what is left between sessions is noise (chance {brief(trend.chance, 2)})"
-        if trend.chance >= _LACKING
-        else f"more than noise is left between sessions (chance {brief(trend.chance, 2)}): the model lacks something"
-    )
-    return f"{strong}; {left}", strong
+    if trend.chance >= _LACKING:
+        return " and ".join(parts), f"; what is left between sessions is noise {chance}"
+    return " and ".join(parts), f"; more than noise is left between sessions {chance}: the model lacks something"
 
 
 def _rivals(changed: Sequence[Changed]) -> Iterator[str]:

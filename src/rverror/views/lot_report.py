@@ -11,14 +11,14 @@ import numpy as np
 from rverror.base.numbers import brief, count_of, in_arcsec, with_unit
 from rverror.base.text import describe
 from rverror.base.units import DISPLAY_UNITS, to_display
-from rverror.diagnosis.result import Diagnosis, Estimate
+from rverror.diagnosis.result import Estimate
 from rverror.geartrain.source import IndexValue
 from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
 from rverror.views.describing import described, entries
-from rverror.views.diagnosis_report import diagnosis_content
+from rverror.views.diagnosis_report import added_json
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
@@ -130,7 +130,7 @@ def _lot_content(result: Lot) -> dict[str, Any]:
             {
                 **entry(one, unit="serial", distance=NUMBER, chance=NUMBER),
                 "added": _added(one.causes, one.rivals),
-                "diagnosis": None if one.diagnosis is None else _of_unit(one.diagnosis),
+                "diagnosis": (own := one.diagnosis) and {"verdict": own.verdict, "added": added_json(own)},
             }
             for one in result.outsiders
         ],
@@ -199,26 +199,19 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
     ]
 
 
-def _of_unit(found: Diagnosis) -> dict[str, Any]:
-    whole = diagnosis_content(found)
-    return {name: whole[name] for name in ("verdict", "added")}
-
-
 # --- a lot: for people ------------------------------------------------------------------------------------------------
 
 
 def _lot_verdict(lot: Lot) -> tuple[str, str]:
-    """Whether the processes describe the lot, and the words of it to be read first."""
-    if lot.chance < _LACKING:
-        strong = "The model lacks something"
-        rest = f"lots of these processes are as far from what they make with a chance of {brief(lot.chance, 2)}"
-        return (
-            f"{strong}: {rest}; sizes below may stand for what it lacks, and their intervals are wider for it: measure "
-            "at a greater torque, or declare what all units share",
-            strong,
-        )
-    strong = "The processes describe the lot"
-    return f"{strong} (chance {brief(lot.chance, 2)})", strong
+    """Whether the processes describe the lot."""
+    chance = brief(lot.chance, 2)
+    if lot.chance >= _LACKING:
+        return "The processes describe the lot", f" (chance {chance})"
+    return "The model lacks something", (
+        f": lots of these processes are as far from what they make with a chance of {chance}; sizes below may stand "
+        "for what it lacks, and their intervals are wider for it: measure at a greater torque, or declare what all "
+        "units share"
+    )
 
 
 def _lot_sentences(lot: Lot) -> Iterator[str]:
@@ -301,7 +294,7 @@ def _drive_lot_table(result: DriveLot) -> Table:
         variables,
         about(result, "model", "conditions", "notes"),
         title=(result.model, count_of(len(result.serials), "unit")),
-        verdict=(f"{strong}. Differing from the others: {different}; nearly equal: {pairs}.", strong),
+        verdict=(strong, f". Differing from the others: {different}; nearly equal: {pairs}."),
     )
 
 
@@ -332,16 +325,16 @@ def _matched_table(result: Matched) -> Table:
     }
     limits = zip(result.quantities, result.allowed, strict=True)
     named = [name for name in ("unit", *placed, *turns) if not name.startswith("roller")]  # the spreadsheet has those
-    strong, good = f"{len(units)} of {result.possible} units", sum(unit.chance for unit in units)
+    good = sum(unit.chance for unit in units)
     expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be." * (good < len(units))
     return Table(
         variables,
         about(result, "model", "possible", "bound", "doubt", "notes"),
         title=(result.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
         verdict=(
-            f"{strong} that the parts allow meet the limits, each solved under load. By the linear influences no "
-            f"assembly of these parts gives more than {result.bound}.{expected}",
-            strong,
+            f"{len(units)} of {result.possible} units",
+            " that the parts allow meet the limits, each solved under load. By the linear influences no assembly of "
+            f"these parts gives more than {result.bound}.{expected}",
         ),
         facts={f"{kind}, {len(some)} stay": _serials(some) for kind, some in result.left.items()},
         shown={"unit": named, "left": (), "quantity": ()},

@@ -14,6 +14,7 @@ from rverror.base.quantities import COUNT as COUNT_OF, quantities
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import OUTPUTS, ContactLaw, Drive, Reducer
+from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.model.results import Influence
@@ -141,16 +142,20 @@ def _model_table(result: Model) -> Table:
     )
 
 
-def _of_effects(effects: Sequence[Effect]) -> dict[str, Variable]:
-    """Every parameter of every effect, as variables."""
-    each = [
+def sizes_of(effects: Sequence[Effect]) -> list[tuple[int, Effect, Parameter, float]]:
+    """Every parameter of every effect: number of the effect, effect, parameter, size."""
+    return [
         (at, effect, parameter, value)
         for at, effect in enumerate(effects)
         for parameter, value in zip(source(effect.key).parameters, effect.values, strict=True)
     ]
+
+
+def _of_effects(effects: Sequence[Effect]) -> dict[str, Variable]:
+    """Every parameter of every effect, as variables."""
     return rows(
         "parameter",
-        each,
+        sizes_of(effects),
         "",
         ("unit", "2.dimension"),
         number=("0", COUNT),

@@ -11,22 +11,8 @@ from rverror.base.errors import InputError
 from rverror.base.text import printable
 from rverror.views.blocks import as_html
 from rverror.views.describing import kind_in_words
-from rverror.views.html import escaped
+from rverror.views.html import escaped, shipped
 from rverror.views.kinds import sheet, table
-
-_STYLE = (
-    "<style>"
-    ".rverror-page{line-height:1.45;overflow-x:auto}"
-    ".rverror-page p,.rverror-page table{margin:.25em 0 .5em}"
-    ".rverror-page table{border-collapse:collapse;border:none;width:auto;font-variant-numeric:tabular-nums}"
-    ".rverror-page th,.rverror-page td{padding:.15em 1.1em .15em .2em;border:none;text-align:left;"
-    "border-bottom:1px solid rgba(128,128,128,.35);max-width:36em;white-space:normal;vertical-align:top}"
-    ".rverror-page thead th{border-bottom:2px solid rgba(128,128,128,.55);font-weight:600}"
-    ".rverror-page tbody th{font-weight:400}"
-    ".rverror-page .n{text-align:right}.rverror-page td.n{white-space:nowrap}.rverror-page th.n{max-width:8em}"
-    ".rverror-page .soft{opacity:.85;font-size:.95em}.rverror-page .soft .soft{opacity:1;font-size:1em}"
-    "</style>"
-)
 
 
 def line(thing: Any) -> str:
@@ -74,4 +60,4 @@ def page(thing: Any) -> str:
         body = as_html(sheet(thing), folded=True)
     except InputError:
         body = f"<pre>{escaped(repr(thing))}</pre>"
-    return f'<div class="rverror-page">{_STYLE}\n{body}\n</div>'
+    return f'<div class="rverror-page"><style>\n{shipped("notebook.css")}</style>\n{body}\n</div>'

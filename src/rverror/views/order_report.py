@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from rverror.base.numbers import brief, in_arcsec, rounded, way
+from rverror.base.numbers import brief, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
-from rverror.views.fields import OWN, Field, alike, entry, rows, value_at
-from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, Unit, Variable
+from rverror.views.bench_report import of_orders, order_json
+from rverror.views.fields import OWN, Field, alike, entry, rows, sized
+from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit, Variable
 
 _PER_LOAD = Unit("rad/(N*mm)", "arcsec/(kN*m)", ARCSEC / 1e6)
 _PER_SPEED = Unit("s", "arcsec/krpm", ARCSEC * 30 / (1000 * math.pi))
@@ -35,10 +35,6 @@ def _phase(part: WavePart | None) -> float:
     return float(np.angle(part.value)) if part is not None and part.told else math.nan
 
 
-def _phase_of(name: str, row: tuple[OrderPassport, DirectionLaw]) -> float:
-    return _phase(value_at(row, f"1.{name}"))
-
-
 def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = None) -> dict[str, Variable]:
     """Passports as variables: the law of each order and direction, and of each order its shares.
 
@@ -50,19 +46,17 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
     """
     laws: dict[str, Field] = {"order": ("0.order", NUMBER), "direction": lambda row: way(row[1].direction)}
     for name, words, unit, _ in _PARTS:
-        laws[words] = (f"1.{name}.amplitude", unit)
-        laws |= {f"{words}_{end}": (f"1.{name}.{end}", unit) for end in ("low", "high")}
-        laws[f"{words}_phase"] = (partial(_phase_of, name), POSITION)
+        laws |= sized(words, unit, f"1.{name}", "amplitude")
+        laws[f"{words}_phase"] = (f"2.{name}", POSITION)
     laws["off_a_straight_line"] = "1.bent"
-    sizes: dict[str, Field] = {"order": NUMBER, "amplitude": ANGLE}
-    sizes |= {"amplitude_low": ("low", ANGLE), "amplitude_high": ("high", ANGLE)}
-    if bench is not None:
-        sizes["bench_uncertainty"] = (lambda one: bench.of_order(one.order), ANGLE)
-    sizes |= {
-        f"share_{name}": (f"shares.{name}", PERCENT) for name in ("constant", "load", "speed", "temperature", "left")
+    sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
+    shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
+    each = [(one, law, {name: _phase(getattr(law, name)) for name, *_ in _PARTS}) for one in found for law in one.laws]
+    return {
+        **rows("passport", found, "passport_", order=NUMBER, **sizes),
+        **rows("passport", found, "passport_share_", **shares),
+        **rows("law", each, "law_", **laws),
     }
-    each = [(one, law) for one in found for law in one.laws]
-    return {**rows("passport", found, "passport_", **sizes), **rows("law", each, "law_", **laws)}
 
 
 def kinds_of_causes(found: Sequence[OrderPassport]) -> list[str]:
@@ -85,41 +79,35 @@ def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | N
         ``phase_deg`` is None where the disc of a part holds zero; ``shares`` are parts of 1;
         ``bench_uncertainty_arcsec`` is that of amplitude and constants, and None where no bench is stated.
     """
-    return [_order_json(one, bench) for one in found]
-
-
-def _order_json(one: OrderPassport, bench: BenchUncertainty | None) -> dict[str, Any]:
-    temperature = one.reference_temperature
-    return {
-        **entry(
-            one,
-            amplitude_arcsec=("amplitude", ANGLE),
-            **alike(ANGLE, "low", "high"),
-            **alike(None, "bent", "kinds"),
-            constants="constants.relation",
-            loads="loads.relation",
-            shares=NUMBER,
-            reference_input_speed_rpm=("reference_speed", SPEED),
-        ),
-        "order": rounded(one.order, 10),
-        "bench_uncertainty_arcsec": None if bench is None else in_arcsec(bench.of_order(one.order)),
-        "directions": [_law_json(law) for law in one.laws],
-        "reference_temperature_degc": None if temperature is None else rounded(temperature - 273.15),
-    }
+    return [
+        {
+            **entry(
+                one,
+                amplitude_arcsec=("amplitude", ANGLE),
+                **alike(ANGLE, "low", "high"),
+                **alike(None, "bent", "kinds"),
+                constants="constants.relation",
+                loads="loads.relation",
+                shares=NUMBER,
+                reference_input_speed_rpm=("reference_speed", SPEED),
+                reference_temperature_degc=("reference_temperature", TEMPERATURE),
+            ),
+            "order": rounded(one.order, 10),
+            **order_json(bench, one.order),
+            "directions": [_law_json(law) for law in one.laws],
+        }
+        for one in found
+    ]
 
 
 def _law_json(law: DirectionLaw) -> dict[str, Any]:
+    of_part = alike(OWN, "amplitude", "low", "high") | {"phase_deg": (_phase, POSITION)}
+    parts = {key: (getattr(law, name), unit) for name, _, unit, key in _PARTS}
     return {
         "direction": way(law.direction),
-        **{key: _part_json(getattr(law, name), unit) for name, _, unit, key in _PARTS},
+        **{key: None if part is None else entry(part, unit, **of_part) for key, (part, unit) in parts.items()},
         **entry(law, **alike(None, "cases", "bent", "not_told")),
     }
-
-
-def _part_json(part: WavePart | None, unit: Unit) -> dict[str, Any] | None:
-    if part is None:
-        return None
-    return entry(part, unit, **alike(OWN, "amplitude", "low", "high"), phase_deg=(_phase, POSITION))
 
 
 _CURVE = 301  # points of a law
@@ -144,9 +132,7 @@ def resonances(found: Sequence[Resonance]) -> dict[str, Variable]:
             "resonance",
             found,
             "resonance_",
-            frequency=HERTZ,
-            frequency_low=("low", HERTZ),
-            frequency_high=("high", HERTZ),
+            **sized("frequency", HERTZ, value="frequency"),
             damping_ratio=NUMBER,
             damping_ratio_low=("damping_low", NUMBER),
             damping_ratio_high=("damping_high", NUMBER),

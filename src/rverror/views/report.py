@@ -1,4 +1,4 @@
-"""Any result as text, as plain data for JSON, as a page.
+"""Any result as text, as plain data for JSON, as a page, as a table for a spreadsheet.
 
 Text and page are made of its report, JSON of its table unless its keys are fixed: see `describing`.  So a new kind of
 result has all of them as soon as it has these two.
@@ -9,10 +9,11 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from rverror.base.text import printable
+from rverror.base.spreadsheet import workbook
+from rverror.base.text import PathLike, printable
 from rverror.base.version import __version__
 from rverror.diagnosis.result import Diagnosis
 from rverror.views.blocks import Heading, Notes, Sheet, Title, as_html, as_text, grid, line, section
@@ -23,7 +24,7 @@ from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
 from rverror.views.plots.zoomable import scripts
-from rverror.views.variables import NUMBER, columns
+from rverror.views.variables import LONG, NUMBER, Table, columns
 
 
 def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
@@ -178,20 +179,64 @@ def to_csv(result: Any, /, *, rows: str = "", units: bool = False) -> str:
     number,key,indices,parameter,value,unit,uncertainty,origin
     0,crank.index,crank 0,angle,60,arcsec,,
     """
-    found, told = columns(table(result), rows=rows, display=True)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    tagged = {name for name in found if units and told.get(name, "") not in ("", NUMBER.core)}
-    writer.writerow([f"{name} [{told[name]}]" if name in tagged else name for name in found])
-    for row in zip(*found.values(), strict=True):
-        writer.writerow([_csv_cell(value) for value in row])
+    for row in _rows(table(result), rows, units=units):
+        writer.writerow([f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row])
     return text.getvalue()
 
 
-def _csv_cell(value: Any) -> str:
+def to_xlsx(result: Any, /, *, path: PathLike = "workbook") -> bytes:
+    """Result as a workbook: its single numbers, and a sheet for each of what `to_pandas` has as rows.
+
+    Angles, samples and virtual units have a sheet where they are what `to_pandas` has as rows if nothing else is asked.
+
+    Parameters
+    ----------
+    result
+        Whatever `to_pandas` takes.
+    path : str or path-like, optional
+        Where it is to be written, for messages.
+
+    Returns
+    -------
+    bytes
+        Of an xlsx file.  Sizes in arcsec and um, the unit behind the name of a column; empty where not determined.
+
+    Raises
+    ------
+    InputError
+        If no table is made of such a result, or openpyxl is not installed.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> to_xlsx(rverror.effect("crank.index", crank=0, angle="1 arcmin"))[:2]  # a workbook is a zip file
+    b'PK'
+    """
+    told = table(result)
+    single = [(name, of, of.shown(display=True).item()) for name, of in told.variables.items() if not of.dims]
+    numbers = [(name, _cell(value), of.unit_text(display=True)) for name, of, value in single]
+    sheets: dict[str, Iterable[Sequence[object]]] = {"numbers": [("name", "value", "unit"), *numbers]}
+    dims = [dim for dim in told.dims if dim == told.rows or dim not in LONG]
+    return workbook(path, sheets | {dim: _rows(told, dim, units=True) for dim in dims})
+
+
+def _rows(told: Table, rows: str, *, units: bool) -> Iterator[list[float | int | str | None]]:
+    """Heads and rows of a table along one dimension; `units` as in `to_csv`."""
+    found, unit_of = columns(told, rows=rows, display=True)
+    tagged = {name for name in found if units and unit_of.get(name, "") not in ("", NUMBER.core)}
+    yield [f"{name} [{unit_of[name]}]" if name in tagged else name for name in found]
+    for row in zip(*found.values(), strict=True):
+        yield [_cell(value) for value in row]
+
+
+def _cell(value: Any) -> float | int | str | None:
     plain = value.item() if hasattr(value, "item") else value
-    if isinstance(plain, float):
-        return "" if math.isnan(plain) else f"{plain:.6g}"
     if isinstance(plain, bool):
         return "yes" if plain else "no"
-    return printable(str(plain))
+    if isinstance(plain, float) and math.isfinite(plain):
+        return plain
+    if isinstance(plain, float):
+        return None if math.isnan(plain) else str(plain)
+    return plain if isinstance(plain, int) else printable(str(plain))

@@ -111,9 +111,9 @@ def _efficiency_table(result: Efficiency) -> Table:
     locked = ("self-locking: at some angle the output cannot drive it",) if result.self_locking else ()
     angles = count_of(result.theta.size, "angle")
     part, share = max(result.by_part.items(), key=lambda one: one[1])
-    strong = f"Mean efficiency {brief(100 * result.mean, 3)} %"
-    most = f"{strong}; largest loss: {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
-    return Table(variables, about, title=(where, angles), verdict=(most, strong), sentences=locked)
+    most = f"; largest loss: {part.replace('_', ' ')}, {brief(100 * share, 2)} %."
+    verdict = f"Mean efficiency {brief(100 * result.mean, 3)} %", most
+    return Table(variables, about, title=(where, angles), verdict=verdict, sentences=locked)
 
 
 def efficiencies_table(result: Sequence[Efficiency]) -> Table:
@@ -208,11 +208,10 @@ def _wear_table(result: Wear) -> Table:
         **_duty(result.duty),
     }
     new, worn = (with_unit(float(result.lost_motion[at]), "angle") for at in (0, -1))
-    strong = f"Lost motion {new} new, {worn} after {brief(float(result.hours[-1]))} h"
     return Table(
         variables,
         {"model": name_of(result.model)},
-        verdict=(f"{strong}.", strong),
+        verdict=(f"Lost motion {new} new, {worn} after {brief(float(result.hours[-1]))} h", "."),
         title=(duty_words(result.duty),),
         shown={"phase": (), "duty_phase": ()},
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from rverror.base.arrays import Array
 from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
+from rverror.lots.result import Interval
 from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.declared import Tolerance
@@ -29,6 +29,7 @@ from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Ea
 
 #: Quantiles that are told.
 LEVELS = (0.5, 0.95, 0.99)
+_YIELD: dict[str, Field] = {"yield": ("value", NUMBER), "interval": ("", NUMBER)}
 #: Of a torsional stiffness, as makers print it.
 _STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
 
@@ -40,29 +41,25 @@ def _unit(one: LimitYield) -> Unit:
     return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
 
 
-def _quantile(level: float, row: tuple[LimitYield, Any]) -> float:
-    return row[0].quantile(level).value
+def _share(one: LimitYield) -> Interval | None:
+    return None if one.limit.value is None else Interval(one.share, *one.interval)
 
 
 def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variable]:
     """Rows of limits at the load, with the yield in closed form beside each; a quantity without a limit has none."""
-    each = [
-        (one, None if one.limit.value is None else (one.share, *one.interval), share)
-        for one, share in zip(found.limits, closed, strict=True)
-    ]
-    quantiles: dict[str, Field] = {f"p{100 * level:g}": (partial(_quantile, level), OWN) for level in LEVELS}
-    shares: dict[str, Field] = {
-        name: (f"1.{at}", PERCENT) for at, name in enumerate(("yield", "yield_low", "yield_high"))
-    }
+    quantiles: dict[str, Field] = {f"p{100 * level:g}": (f"3.{at}", OWN) for at, level in enumerate(LEVELS)}
     return rows(
         "limit_at_load",
-        each,
+        [
+            (one, _share(one), share, [one.quantile(level).value for level in LEVELS])
+            for one, share in zip(found.limits, closed, strict=True)
+        ],
         "",
         ("limit_at_load_unit", lambda row: _unit(row[0])),
         limit_at_load="0.limit.label",
         limit_value=("0.limit.value", OWN),
         **quantiles,
-        **shares,
+        **sized("yield", PERCENT, "1"),
         yield_in_closed_form=("2", PERCENT),
     )
 
@@ -88,23 +85,19 @@ def yield_words(found: Verified) -> tuple[str, ...]:
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
     """Entry of JSON of a limit: the quantity, its torque and limit with their units, the yield."""
     limit = one.limit
-    told: dict[str, Any] = {"limit": None, "yield": None, "interval": None}
-    if limit.value is not None:
-        told["limit"] = f"{brief(limit.shown(limit.value), 6)} {limit.unit}"
-        told |= {"yield": rounded(one.share), "interval": [rounded(end) for end in one.interval]}
     return {
         **entry(one, quantity="limit.quantity", level="limit.level", confidence=None, units=None),
         "torque": None if limit.torque is None else limit.load(6),
-        **told,
+        "limit": None if limit.value is None else f"{brief(limit.shown(limit.value), 6)} {limit.unit}",
+        **entry(_share(one), **_YIELD),
         "method": "equilibrium",
     }
 
 
 def together_entry(found: Verified) -> dict[str, Any]:
     """Entry of JSON: the yield of all limits together, and units without an equilibrium."""
-    ends = [rounded(end) for end in found.together_interval]
     return {
-        "all_limits": {"yield": rounded(found.together), "interval": ends},
+        "all_limits": entry(Interval(found.together, *found.together_interval), **_YIELD),
         "units_without_equilibrium": len(found.failures),
         "seed": found.seed,
     }
@@ -174,13 +167,12 @@ def _allocation_table(result: Allocation) -> Table:
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
     binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
-    strong = f"Cost {brief(result.cost_before)} → {brief(result.cost)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
-        title=(f"least cost {_within(result)}",),
-        verdict=(f"{strong}. {binds}.", strong),
+        title=(f"least cost {within(result)}",),
+        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}."),
         sentences=_sentences(result),
         shown={"tolerance": shown},
         rows="tolerance",
@@ -224,8 +216,8 @@ def _limited_by(found: Allocation) -> str:
     return {"worst": "the worst-case peak-to-peak", "yield": quantile, "load": unit}[found.kind]
 
 
-def _within(found: Allocation) -> str:
-    """What an allocation is for, to stand behind "Least cost"."""
+def within(found: Allocation) -> str:
+    """What an allocation is for, to stand behind "least cost"."""
     if found.limit is None:
         return f"at which {100 * found.level:g} % of the units meet all limits at the load"
     return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
@@ -409,7 +401,7 @@ def _state(result: ErrorBudget) -> str:
 
 
 def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
-    """What most units stay within, what makes most of it, the yield at a limit; and the words to be read first."""
+    """What most units stay within, what makes most of it, the yield at a limit."""
     p99 = result.units.quantile(0.99)
     size, low, high = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
     strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
@@ -423,7 +415,7 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
         found = result.units.yield_at(at)
         share, least, largest = (100 * one for one in (found.value, found.low, found.high))
         within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
-    return f"{strong} ({low} to {high}).{most}{within}", strong
+    return strong, f" ({low} to {high}).{most}{within}"
 
 
 @sheet.register

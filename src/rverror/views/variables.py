@@ -27,6 +27,10 @@ class Unit:
         """Its name, for people or of the core."""
         return self.shown if display else self.core
 
+    def of(self, value: Any) -> Any:
+        """Values in the core unit as people read them."""
+        return (value - self.zero) / self.size
+
 
 NUMBER = Unit("dimensionless", "dimensionless")
 PERCENT = Unit("dimensionless", "percent", 0.01)
@@ -101,7 +105,7 @@ class Variable:
         if not display:
             return values
         if isinstance(self.unit, Unit):
-            return values if self.unit.shown == self.unit.core else (values - self.unit.zero) / self.unit.size
+            return values if self.unit.shown == self.unit.core else self.unit.of(values)
         sizes = np.array([unit.size for unit in self.unit.units])
         return values / sizes.reshape(-1, *[1] * (values.ndim - 1))
 
@@ -127,7 +131,7 @@ class Table:
     title : tuple of str
         What the result is of, in a few words.
     verdict : tuple of str
-        The outcome in a sentence, and the words of it to be read first.
+        The outcome in a sentence: the words to be read first, and the rest.
     facts : mapping of str to str
         What people read beside the variables that are single numbers.
     sentences : tuple of str

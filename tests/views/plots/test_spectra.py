@@ -187,6 +187,7 @@ def test_an_order_that_is_not_resolved_is_named_only_where_no_other_is_near() ->
 def test_the_strongest_are_crests_that_stand_apart() -> None:
     size = np.array([0, 9, 8, 0, 3, 5, 4, 0, 0, 1.0])
     assert strongest(size, floor=np.full(10, 0.5)) == [1, 5, 9]
+    assert strongest(size, floor=np.full(10, 0.5), apart=4) == [1, 5, 9]
     assert strongest(size, floor=np.full(10, 0.5), apart=5) == [1, 9]
     assert strongest(size, floor=np.full(10, 2.0)) == [1, 5]
     assert strongest(size, floor=np.where(size > 8.5, 99, 2.5)) == [5]

@@ -30,21 +30,18 @@ from rverror.views.plots.figure import (
     signal_label,
     stated,
 )
-from rverror.views.plots.waveforms import unit_name
+from rverror.views.tolerance_report import within
 
 _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell areas apart in grey
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
-_KINDS = {"worst": "worst case", "yield": "yield"}
 _SHOWN = 15  # bars for which there is room
 
 
 def _unit(found: object) -> list[str]:
-    """Unit, torque and direction of a budget, as far as it knows them."""
-    if not isinstance(found, ErrorBudget):
-        return []
-    return [unit_name(found.model), *stated(direction=found.direction)]
+    """Unit and direction of a budget, as far as it knows them."""
+    return stated(found.model, direction=found.direction) if isinstance(found, ErrorBudget) else []
 
 
 def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
@@ -126,10 +123,6 @@ def envelope(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axes:
     return over_angle(ax, *title, y=signal_label("angle"), x=x)
 
 
-def _within(found: Allocation) -> str:
-    return "limits at the load" if found.limit is None else f"{found.limit / ARCSEC:g} arcsec, {_KINDS[found.kind]}"
-
-
 def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
     """Share of the units over what they use of each limit at the load; of a quantity without a limit, of its P99.
 
@@ -149,7 +142,8 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         used = 100 * np.sort(one.limit.turned(known) / one.limit.turned(reference))
         share = 100 * np.arange(1, used.size + 1) / used.size
         told_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
-        told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {_ends(one.interval)}"
+        ends = " to ".join(f"{100 * end:.4g}" for end in one.interval)
+        told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {ends}"
         label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
         ax.plot(used[used >= told_from], share[used >= told_from], label=label, **style.line_style(number))
     ax.axvline(100, color=_LIMIT, lw=0.8)
@@ -160,10 +154,6 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         x="used of the limit (without one: of the P99), %",
         y="units that use no more, %",
     )
-
-
-def _ends(interval: tuple[float, float]) -> str:
-    return f"{100 * interval[0]:.4g} to {100 * interval[1]:.4g}"
 
 
 def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
@@ -181,7 +171,7 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     ax.set_xscale("log", base=2)
     ax.xaxis.set_major_formatter("{x:g}")
     reach = 1.15 * max(float(np.max(np.abs(np.log(ratio)), initial=0.0)), np.log(2.0))
-    what = f"Widths of least cost for {_within(found)}"
+    what = f"Widths of least cost {within(found)}"
     cost = f"cost {found.cost:.4g}, as given {found.cost_before:.4g}"
     x = "tolerance found over tolerance as given (a number)"
     limits = (np.exp(-reach), np.exp(reach))

@@ -20,6 +20,7 @@ from rverror.base.numbers import brief, with_unit
 from rverror.base.text import describe, file_name
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
+from rverror.model.effects import Model
 from rverror.views.by_order import turns_of
 from rverror.views.order_report import law_of
 from rverror.views.plots import style
@@ -37,8 +38,7 @@ from rverror.views.plots.figure import (
     signal_label,
     stated,
 )
-from rverror.views.plots.spectra import draw_lines, frame_name, lines_of, resolution
-from rverror.views.plots.waveforms import unit_name
+from rverror.views.plots.spectra import draw_lines, frame_name, lines_of
 
 _BEFORE, _AFTER = style.ORANGE, style.BLUE
 _LOOKS = ((_BEFORE, style.DASHED, 1.2), (_AFTER, "solid", 0.9))
@@ -53,7 +53,7 @@ _DECADES = 30.0  # times the smallest difference of scores, beyond which their a
 _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
 
 
-def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes | None = None) -> Axes:
+def waveform(trace: Trace, *, quantity: str = "angle", unit: Model | None = None, ax: Axes | None = None) -> Axes:
     """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's.
 
     What was measured is the thin black line over the model's band, so a good fit does not hide it.  Marks on the axis
@@ -68,7 +68,7 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: str = "", ax: Axes 
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=2.4, alpha=_BAND, label="with what was added")
     _mark(ax, trace)
-    return over_angle(ax, unit, *_trace_title(trace), y=signal_label(quantity))
+    return over_angle(ax, *stated(unit), *_trace_title(trace), y=signal_label(quantity))
 
 
 def _mark(ax: Axes, trace: Trace) -> None:
@@ -96,7 +96,7 @@ def _mark(ax: Axes, trace: Trace) -> None:
 
 def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
     """`waveform` of one run of a diagnosis."""
-    return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, unit=unit_name(diagnosis.declared), ax=ax)
+    return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, unit=diagnosis.declared, ax=ax)
 
 
 def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
@@ -111,7 +111,7 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     ax.axhline(0, color=style.BLACK, lw=0.4)
     _mark(ax, trace)
     what = "residual, left-out stretches" if trace.left_out else "residual"
-    title = [what, unit_name(diagnosis.declared), *_trace_title(trace)]
+    title = [what, *stated(diagnosis.declared), *_trace_title(trace)]
     return over_angle(ax, *title, y=f"measured less model, {shown_unit(diagnosis.quantity)}")
 
 
@@ -136,7 +136,7 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
     what = "seen by no fit" if trace.unseen else "stretches left out"
     rows = {"measured": trace.before[rank], f"compensated, {what}": trace.after[rank]}
     _before_and_after(ax, trace.theta[rank], rows, "angle")
-    return over_angle(ax, unit_name(made.model), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
+    return over_angle(ax, *stated(made.model), plain(file_name(trace.name) or "run"), y=signal_label("angle"))
 
 
 def _before_and_after(ax: Axes, theta: Array, rows: Mapping[str, Array], quantity: str) -> None:
@@ -171,7 +171,7 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
-    title = ["orders compensated", unit_name(made.model), of]
+    title = ["orders compensated", *stated(made.model), of]
     return labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit('angle')}", yscale="log")
 
 
@@ -221,8 +221,8 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
         ("residual before", replace(before, floor=floor)),
         ("residual after", replace(after, floor=floor, floor_name="noise, rms")),
     ]
-    name = partial(frame_name, diagnosis.declared.mechanism, within=resolution(after.order))
-    title = ["residual spectrum", unit_name(diagnosis.declared), *_trace_title(trace)]
+    name = partial(frame_name, diagnosis.declared.mechanism, within=after.apart)
+    title = ["residual spectrum", *stated(diagnosis.declared), *_trace_title(trace)]
     last = highest or min(_last_found(diagnosis), float(after.order[-1]))
     return draw_lines(rows, name, title=title, unit=shown_unit(diagnosis.quantity), highest=last, ax=ax)
 
@@ -271,7 +271,7 @@ def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     return labelled(
         ax,
         "orders over the speed",
-        unit_name(diagnosis.declared),
+        *stated(diagnosis.declared),
         x="frequency of the order, Hz",
         y="amplitude, arcsec",
         xlim=(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends))),

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -19,6 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.directions import direction_signs
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
+from rverror.views.plots.style import line_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # that plots need not import it again
@@ -165,21 +166,22 @@ def over_angle(ax: Axes, *title: str, y: str, x: str = OUTPUT_ANGLE, **look: Any
     return labelled(ax, *title, x=x, y=y, **look)
 
 
-def stated(*, torque: Any = None, direction: Any = None) -> list[str]:
-    """Torque, N*mm or with its unit, or of many angles, and direction as a title says them; nothing where not known.
+def stated(unit: Any = None, *, torque: Any = None, direction: Any = None) -> list[str]:
+    """Name of a unit, torque, N*mm or with its unit, or of many angles, and direction for a title, as far as known.
 
     Examples
     --------
     >>> stated(torque=20e3, direction=-1.0)
     ['20 N*m', 'reverse']
     """
+    name = getattr(unit, "name", "") or getattr(getattr(unit, "mechanism", None), "name", "")
     if np.ndim(torque):
         told = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
     else:
         told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
         told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
-    return told
+    return [plain(name), *told] if name else told
 
 
 def letters(ax: Axes, size: float | str) -> int:
@@ -282,6 +284,12 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
         return (x, *rows)
     kept = thinned(x, rows, COLUMNS)
     return tuple(one[kept] for one in (x, *rows))
+
+
+def lines(ax: Axes, x: Array, rows: Iterable[tuple[str, Array]], **look: Any) -> None:
+    """Lines over one abscissa with their names, each in the style of its number."""
+    for number, (label, row) in enumerate(rows):
+        ax.plot(*for_drawing(x, row), label=label, **look, **line_style(number))
 
 
 def legend_below(ax: Axes, *, title: str | None = None) -> None:

@@ -321,6 +321,7 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places) -> None:
     """Draw pins, discs with their cams, gears and carrier."""
     from matplotlib.patches import Circle
 
+    cam = max(2.5 * unit.eccentricity, 0.3 * unit.planet_pitch_radius)  # larger than its eccentricity
     for i, (x, y) in enumerate(where.pins):
         label = "pins" if i == 0 else None
         ax.add_patch(Circle((x, y), unit.pin_radius, fc="0.85", ec="0.3", lw=0.7, gid=f"pin {i}", label=label))
@@ -329,7 +330,7 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places) -> None:
         ax.plot(*where.outline[k], lw=1.2, gid=f"disc {k}", label=f"disc {k}, its centre and cams", **look)
         ax.plot(*where.disc[k], "+", color=look["color"], ms=8, mew=1.4)
         for x, y in where.contact["cam"][k]:
-            ax.add_patch(Circle((x, y), _cam_radius(unit), fc="none", ec=look["color"], ls=look["ls"], lw=1.0))
+            ax.add_patch(Circle((x, y), cam, fc="none", ec=look["color"], ls=look["ls"], lw=1.0))
     pitch: dict[str, Any] = {"fc": "none", "ec": "0.45", "lw": 0.9, "ls": style.DASHES[3]}
     gears = [(unit.sun_pitch_radius, np.zeros(2), where.sun_angle)]
     gears += [(unit.planet_pitch_radius, centre, where.planet_angle) for centre in where.cranks]
@@ -342,11 +343,6 @@ def draw_parts(ax: Axes, unit: Reducer, where: Places) -> None:
     ax.plot(*ring.T, color=style.GREY, lw=4.0, alpha=0.6, label="carrier, crank 0 filled", zorder=1)
     ax.plot(*where.cranks[:1].T, "o", color=style.BLACK, ms=6)
     ax.plot(*where.cranks[1:].T, "o", color=style.BLACK, mfc="white", ms=6)
-
-
-def _cam_radius(unit: Reducer) -> float:
-    """Radius that shows a cam: larger than its eccentricity, smaller than the planet."""
-    return max(2.5 * unit.eccentricity, 0.3 * unit.planet_pitch_radius)
 
 
 def _arrows(ax: Axes, at: Array, vectors: Array, *, colour: str, hollow: bool = False, gid: str) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,13 +12,14 @@ from rverror.base.numbers import way
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-from rverror.views.plots.figure import ORDER, Axes, axes_for, heat_map, in_shown_unit, labelled, shown_unit
+from rverror.views.plots.figure import ORDER, Axes, axes_of_rows, heat_map, labelled, shown_unit, stated
+from rverror.views.plots.order_tables import CONDITIONS
 from rverror.views.plots.spectra import Lines, mechanism_of, run_lines
-from rverror.views.plots.waveforms import signals_of, unit_of
+from rverror.views.plots.waveforms import signals_of
 
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart
-_BY: Mapping[str, str] = MappingProxyType({"torque": "output torque, N*m", "temperature": "temperature, degC"})
+_BY = ("torque", "temperature")
 
 
 def order_map(
@@ -81,12 +81,12 @@ def order_map(
     if len(quantities) > 1:
         raise InputError("some runs are torque records and others hold an error; draw them apart")
     quantity = quantities.pop()
-    ax = axes_for(ax, height=1.6 + 0.35 * max(len(rows), 4))
     rows.sort(key=lambda row: row[0])
+    ax, places = axes_of_rows(ax, [label for _, label, _ in rows])
     meshes, columns = [], 1
-    for place, (_, _, lines) in enumerate(rows):
+    for place, (_, _, lines) in zip(places, rows, strict=True):
         shown = lines.order <= highest
-        order, size = lines.order[shown], in_shown_unit(lines.size[shown], quantity)
+        order, size = lines.order[shown], lines.size[shown]
         if order.size < 2:
             continue
         columns = -(-order.size // _COLUMNS)
@@ -94,10 +94,8 @@ def order_map(
         step = order[1] - order[0]
         edges = np.append(order[starts], order[-1] + step) - step / 2
         meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
-    ax.set_yticks(range(len(rows)), [label for _, label, _ in rows], fontsize="small")
     last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
-    title = ["order map of runs", *unit_of(ratio)]
-    labelled(ax, *title, x=ORDER, y=_BY[by], legend="", xlim=(0, last), ylim=(-0.5, len(rows) - 0.5))
+    labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=CONDITIONS[by][1], legend="", xlim=(0, last))
     of = f", largest of {columns} lines" if columns > 1 else ""
     heat_map(ax, meshes, label=f"amplitude, {shown_unit(quantity)}{of}")
     return ax

@@ -23,7 +23,7 @@ _DIGITS = 6  # of a condition: mean speeds of runs differ beyond
 _MOST = 6  # orders whose passports are drawn
 _CURVE = 121  # points of a law
 #: Dimension and label of each condition that can be the abscissa.
-_BY: Mapping[str, tuple[str, str]] = MappingProxyType(
+CONDITIONS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "torque": ("torque", "output torque, N*m"),
         "input_speed": ("angular_speed", "input speed, rpm"),
@@ -63,11 +63,11 @@ def table_amplitudes(
     InputError
         If the table does not hold what is asked for, or holds no order.
     """
-    known = {name: {_value(case, name) for case in table.cases} - {None} for name in _BY}
+    known = {name: {_value(case, name) for case in table.cases} - {None} for name in CONDITIONS}
     if by is None:
         by = max(known, key=lambda name: len(known[name])) if any(known.values()) else "order"
-    if by not in (*_BY, "order"):
-        raise InputError(f"by = {by!r}: must be one of {', '.join((*_BY, 'order'))}")
+    if by not in (*CONDITIONS, "order"):
+        raise InputError(f"by = {by!r}: must be one of {', '.join((*CONDITIONS, 'order'))}")
     if by != "order" and not known[by]:
         raise InputError(f"by = {by!r}: no case of the table has it; choose another")
     if not 1 <= most <= len(_MARKS):
@@ -97,7 +97,7 @@ def table_amplitudes(
         "order table",
         f"the largest {len(drawn)} of {len(sizes)} orders" if by != "order" and len(drawn) < len(sizes) else "",
         way(senses[0]) if len(senses) == 1 else "",
-        x=ORDER if by == "order" else _BY[by][1],
+        x=ORDER if by == "order" else CONDITIONS[by][1],
         y=f"amplitude, {shown_unit('angle')}",
         yscale="log",
         legend="beside",
@@ -117,9 +117,9 @@ def _lines(cases: Sequence[OrderCase], by: str) -> Mapping[tuple[Any, ...], list
         at = None if by == "order" else _value(case, by)
         if by != "order" and at is None:
             continue
-        rest = tuple(_value(case, name) for name in _BY if name != by)
+        rest = tuple(_value(case, name) for name in CONDITIONS if name != by)
         for order, size in zip(case.orders.tolist(), in_shown_unit(np.abs(case.waves), "angle"), strict=True):
-            place = order if at is None else to_display(at, _BY[by][0])
+            place = order if at is None else to_display(at, CONDITIONS[by][0])
             lines[None if at is None else order, case.condition.direction, rest].append((place, float(size)))
     return lines
 
@@ -135,14 +135,9 @@ def _look(number: int, sense: float) -> dict[str, Any]:
     }
 
 
-def table_passport(table: OrderTable, *, ax: Axes | None = None) -> Axes:
-    """Passports of a table's strongest orders, as `passport_plot` draws them."""
-    return passport_plot(passport(table.cases), ax=ax)
-
-
-def diagnosis_passport(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Passports of the strongest orders that were diagnosed, as `passport_plot` draws them."""
-    return passport_plot(diagnosis.passport, ax=ax)
+def strongest_orders(found: OrderTable | Diagnosis, *, ax: Axes | None = None) -> Axes:
+    """Passports of the strongest orders of a table or a diagnosis, as `passport_plot` draws them."""
+    return passport_plot(found.passport if isinstance(found, Diagnosis) else passport(found.cases), ax=ax)
 
 
 def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None) -> Axes:

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction
@@ -40,7 +39,7 @@ from rverror.views.plots.figure import (
     span_of,
     stated,
 )
-from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title, unit_name
+from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title
 
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
@@ -60,12 +59,16 @@ _PART = 0.1  # of a line's amplitude, from which on an effect is named as a caus
 
 @dataclass(frozen=True)
 class Lines:
-    """Amplitudes by order in core units, and the rms amplitude that noise alone leaves there, where it is known."""
+    """Amplitudes by order, and the rms amplitude that noise alone leaves there, where it is known.
+
+    `apart` is the distance of the bins of a windowed spectrum, which hit no order exactly; 0 for harmonics.
+    """
 
     order: Array
     size: Array
     floor: Array | None = None
     floor_name: str = ""
+    apart: float = 0.0
 
 
 def lines_of(theta: Array, values: Array) -> Lines:
@@ -79,7 +82,8 @@ def lines_of(theta: Array, values: Array) -> Lines:
         size = amplitude(harmonics(values), n)
         return Lines(np.arange(1, size.size + 1, dtype=np.float64) / turns, size)
     bins = np.arange(4, int(0.8 * n))  # padded to twice the travel, they lie half a travel's order apart
-    return Lines(bins / (2 * turns), np.abs(np.fft.rfft(_windowed(values), 2 * n))[bins])
+    size = np.abs(np.fft.rfft(_windowed(values), 2 * n))[bins]
+    return Lines(bins / (2 * turns), size, apart=1 / (2 * turns))
 
 
 def _windowed(values: Array) -> Array:
@@ -104,8 +108,7 @@ def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
     count, n = periods.shape
     # a mean of so many periods has so much less variance, and a line two coefficients
     floor = 2 * np.sqrt(noise_spectrum(periods) / (count * n))
-    name = f"{way(signal.direction)}: noise of the mean of {count} periods, rms"
-    return Lines(found.order, found.size, floor, name)
+    return replace(found, floor=floor, floor_name=f"{way(signal.direction)}: noise of the mean of {count} periods, rms")
 
 
 def _lines_of_travel(signal: Signal) -> Lines:
@@ -154,7 +157,7 @@ def model_spectrum(
     parts = parts_of(model, theta, direction=direction, torque=torque)
     whole = lines_of(theta, parts.rows.sum(axis=0))
     name = causes_of(model, theta, parts.rows)
-    title = [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
+    title = [*stated(model, torque=torque, direction=direction), "closed form"]
     return draw_lines([("total", whole)], name, title=title, highest=highest, ax=ax)
 
 
@@ -198,12 +201,7 @@ def run_spectrum(
     """
     mechanism = mechanism_of(run, ratio)
     signals = signals_of(run, ratio)
-    rows = []
-    for signal in signals:
-        found = run_lines(signal, mechanism)
-        floor = None if found.floor is None else in_shown_unit(found.floor, signal.quantity)
-        size = in_shown_unit(found.size, signal.quantity)
-        rows.append((way(signal.direction), Lines(found.order, size, floor, found.floor_name)))
+    rows = [(way(signal.direction), run_lines(signal, mechanism)) for signal in signals]
     name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
     unit, title = shown_unit(signals[0].quantity), run_title(run, ratio, signals)
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
@@ -261,7 +259,7 @@ def _namer(mechanism: Mechanism | None, lines: Lines) -> Callable[[float], str]:
     """Names of peaks: order and frame, or the order alone where the mechanism is not known."""
     if mechanism is None:
         return "{:.4g}".format
-    return partial(frame_name, mechanism, within=resolution(lines.order))
+    return partial(frame_name, mechanism, within=lines.apart)
 
 
 def draw_lines(
@@ -310,14 +308,14 @@ def draw_lines(
         ax, *title, x=ORDER, y=f"amplitude, {unit}", legend="below" if len(rows) + len(floors) > 1 else "", **limits
     )
     shown = lines.order <= last
-    apart = 2 * _LOBE if resolution(lines.order) else 1
+    apart = 2 * _LOBE if lines.apart else 1
     name_peaks(ax, lines.order[shown], lines.size[shown], name, floor=_threshold(lines, top)[shown], apart=apart)
     return ax
 
 
 def _threshold(lines: Lines, top: float) -> Array:
     """Amplitude above which a line is one."""
-    share = _SIDELOBES if resolution(lines.order) else _LEAST_SHARE
+    share = _SIDELOBES if lines.apart else _LEAST_SHARE
     least = np.full(lines.size.shape, share * top)
     return least if lines.floor is None else np.maximum(least, _STANDS_OUT * lines.floor)
 
@@ -335,18 +333,6 @@ def _last(rows: Sequence[tuple[str, Lines]], top: float) -> float:
 # --- peaks ------------------------------------------------------------------------------------------------------------
 
 
-def resolution(order: Array) -> float:
-    """Distance of the bins of a windowed spectrum, which hit no order exactly; 0 for harmonics of whole turns.
-
-    Examples
-    --------
-    >>> resolution(np.array([0.5, 1.0, 1.5])), resolution(np.array([18.5, 23.1]))
-    (0.0, 4.6...)
-    """
-    step = float(order[1] - order[0]) if order.size > 1 else 0.0
-    return 0.0 if abs(order[0] - step) < 1e-6 * step else step
-
-
 def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> str:
     """Order and the first frame that it fits, short.
 
@@ -356,7 +342,7 @@ def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> st
     order : float
         Per output turn.
     within : float
-        How far the order may be off, `resolution`.  A frame is then named only if its order lies so near, and no other
+        How far the order may be off, `Lines.apart`.  A frame is then named only if its order lies so near, and no other
         one within three times as much.
 
     Returns
@@ -402,8 +388,14 @@ def strongest(size: Array, *, floor: Array, apart: int = 1) -> list[int]:
     list of int
         Eight at the most.
     """
-    crests, _ = scipy.signal.find_peaks(np.pad(size, 1), height=np.pad(floor, 1), distance=apart)
-    return sorted((crests - 1).tolist(), key=lambda place: -size[place])[:_NAMED]
+    # by hand: scipy.signal takes as long to load as a page takes to draw
+    before, after = np.pad(size, (1, 0))[:-1], np.pad(size, (0, 1))[1:]
+    crests = np.flatnonzero((size > before) & (size >= after) & (size >= floor)).tolist()
+    chosen: list[int] = []
+    for place in sorted(crests, key=lambda place: -size[place]):
+        if len(chosen) < _NAMED and all(abs(place - other) >= apart for other in chosen):
+            chosen.append(place)
+    return chosen
 
 
 def name_peaks(

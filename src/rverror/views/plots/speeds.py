@@ -23,6 +23,7 @@ from rverror.views.plots.figure import (
     heat_map,
     in_shown_unit,
     labelled,
+    lines,
     plain,
     shown_unit,
     stated,
@@ -47,8 +48,7 @@ def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None 
     leading = _leading(response, most)
     speed = in_shown_unit(response.speed, "angular_speed")
     size = in_shown_unit(np.abs(response.waves), "angle")
-    for number, at in enumerate(leading):
-        ax.plot(speed, size[:, at], label=_named(response.order[at]), **style.line_style(number))
+    lines(ax, speed, ((_named(response.order[at]), size[:, at]) for at in leading))
     _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
     return labelled(
         ax,
@@ -217,10 +217,9 @@ def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=4.2)
     about = found.crawl.mean()
     rows = (found.transmission_error - about, found.vibration, found.windup)
-    time, *drawn = for_drawing(found.time, *(in_shown_unit(row, "angle") for row in rows))
-    ax.plot(time, drawn[0], color=style.BLACK, lw=0.8, label="error")
-    for number, (label, row) in enumerate(zip(("vibration", "windup"), drawn[1:], strict=True)):
-        ax.plot(time, row, lw=1.2, label=label, **style.line_style(number))
+    error, vibration, windup = (in_shown_unit(row, "angle") for row in rows)
+    ax.plot(*for_drawing(found.time, error), color=style.BLACK, lw=0.8, label="error")
+    lines(ax, found.time, (("vibration", vibration), ("windup", windup)), lw=1.2)
     pulls = found.output_torque < 0
     if pulls.any():
         across = ax.get_xaxis_transform()

@@ -10,15 +10,16 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief, way
+from rverror.base.numbers import brief
 from rverror.base.text import describe
 from rverror.statics.duty import duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
 from rverror.statics.rigidity import TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
+from rverror.views.model_report import ways
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, over_angle, shown_unit
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, lines, over_angle, shown_unit
 
 _PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
 _WITHOUT_TURNING = 7  # bars whose texts fit beside one another
@@ -82,8 +83,7 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
     lost = _lost_motion(torque, (rising + falling) / 2, rated)
     ax = axes_for(ax, height=5.0)
     ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
-    for number, (label, branch) in enumerate((("torque rises", rising), ("torque falls", falling))):
-        ax.plot(torque, branch, marker=_MARKS[number], ms=3, lw=1.2, label=label, **style.line_style(number))
+    lines(ax, torque, (("torque rises", rising), ("torque falls", falling)), marker="o", ms=3, lw=1.2)
     return _torsion_axes(ax, "loop of the torsion curve", "mean", found.rising.shape[1], lost)
 
 
@@ -162,8 +162,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
 
 def _case(one: Efficiency) -> tuple[str, str]:
     """What drives, and which way it goes."""
-    ways = {way(sense) for sense in one.direction.tolist()}
-    return f"{one.drives} drives", ways.pop() if len(ways) == 1 else "mixed"
+    return f"{one.drives} drives", ways(one.direction)
 
 
 def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
@@ -200,10 +199,8 @@ def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
     found : Wear
     """
     ax = axes_for(ax, height=3.6)
-    rows = {"lost motion": found.lost_motion, "peak-to-peak under load": found.peak_to_peak}
-    for number, (label, row) in enumerate(rows.items()):
-        look = style.line_style(number)
-        ax.plot(found.hours, in_shown_unit(row, "angle"), marker=_MARKS[number], ms=4, label=label, **look)
+    lost, error = (in_shown_unit(row, "angle") for row in (found.lost_motion, found.peak_to_peak))
+    lines(ax, found.hours, (("lost motion", lost), ("peak-to-peak under load", error)), marker="o", ms=4)
     x, y = "time of operation, h", "turn of the output, arcsec"
     return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y=y, ylim=(0, None), legend="beside")
 
@@ -218,7 +215,6 @@ def worn_lobe(found: Wear, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=3.6)
     depth = in_shown_unit(found.lobe_depth + found.pin_depth, "length")
     chosen = np.unique(np.linspace(0, found.hours.size - 1, 4).round().astype(int))[1:]
-    for number, at in enumerate(chosen):
-        ax.plot(np.degrees(found.roll_angle), depth[at], label=f"{found.hours[at]:.4g} h", **style.line_style(number))
+    lines(ax, np.degrees(found.roll_angle), ((f"{found.hours[at]:.4g} h", depth[at]) for at in chosen))
     x = "roll angle from root over tip to root, deg"
     return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y="worn off, um", legend="beside")

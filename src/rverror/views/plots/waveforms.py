@@ -34,6 +34,7 @@ from rverror.views.plots.figure import (
     for_drawing,
     in_shown_unit,
     labelled,
+    lines,
     over_angle,
     plain,
     shown_unit,
@@ -110,11 +111,11 @@ def model_waveform(
     """
     ax = axes_for(ax)
     drawn, label = _drawn(model, theta, most, waves, direction=direction, time=time, torque=torque)
-    angle, *rows = for_drawing(np.degrees(drawn.theta), *drawn.rows, drawn.rows.sum(axis=0))
-    for number, (name, row) in enumerate(zip(drawn.names, rows[:-1], strict=True)):
-        ax.plot(angle, row, lw=0.9, label=name, **style.line_style(number))
-    ax.plot(angle, rows[-1], color=style.BLACK, lw=1.3, label="total")
-    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
+    angle = np.degrees(drawn.theta)
+    lines(ax, angle, zip(drawn.names, drawn.rows, strict=True), lw=0.9)
+    ax.plot(*for_drawing(angle, drawn.rows.sum(axis=0)), color=style.BLACK, lw=1.3, label="total")
+    title = stated(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, "closed form", y=label, legend="beside")
 
 
 def stacked(
@@ -142,7 +143,8 @@ def stacked(
         ax.plot(angle, edges[i + 1], color=style.BLACK, lw=0.5)
     ax.axhline(0, color=style.BLACK, lw=0.5)
     ax.plot(angle, edges[-1], color=style.BLACK, lw=1.6, label="total")
-    return over_angle(ax, *_title(model, torque=torque, direction=direction), y=label, legend="beside")
+    title = stated(model, torque=torque, direction=direction)
+    return over_angle(ax, *title, "closed form", y=label, legend="beside")
 
 
 def _drawn(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> tuple[Parts, str]:
@@ -166,9 +168,9 @@ def about_constants(parts: Parts) -> Parts:
     """
     if not parts.names:
         return parts
-    lines = np.concatenate([parts.rows, parts.rows.sum(axis=0, keepdims=True)])
-    largest = float(np.ptp(lines, axis=1).max())
-    if largest <= NOTHING or float(np.ptp(lines)) <= _FLATTENED * largest:
+    drawn = np.concatenate([parts.rows, parts.rows.sum(axis=0, keepdims=True)])
+    largest = float(np.ptp(drawn, axis=1).max())
+    if largest <= NOTHING or float(np.ptp(drawn)) <= _FLATTENED * largest:
         return parts
     constants = parts.rows.mean(axis=1)
     told = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
@@ -179,10 +181,10 @@ def about_constants(parts: Parts) -> Parts:
 def _first_waves(parts: Parts, waves: int) -> Parts:
     """As much of a turn as holds a few waves of the strongest order."""
     total = parts.rows.sum(axis=0)
-    lines = np.abs(np.fft.rfft(total))[1:]
-    if not parts.names or lines.max() <= 1e-9 * total.size * (np.abs(total).max() or 1.0):
+    waves_of = np.abs(np.fft.rfft(total))[1:]
+    if not parts.names or waves_of.max() <= 1e-9 * total.size * (np.abs(total).max() or 1.0):
         return parts
-    order = 1 + int(np.argmax(lines))
+    order = 1 + int(np.argmax(waves_of))
     kept = min(-(-waves * total.size // order) + 1, total.size)
     return Parts(parts.theta[:kept], parts.rows[:, :kept], parts.names)
 
@@ -217,19 +219,10 @@ def model_polar(
     ax.set_rticks(ends, [brief(end, 2) for end in ends])  # type: ignore[attr-defined]
     ax.set_rorigin(-_ORIGIN * reach)  # type: ignore[attr-defined]
     name, unit = signal_label("angle").split(", ")
-    title = _title(model, torque=torque, direction=direction)
-    labelled(ax, *title, x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
+    title = stated(model, torque=torque, direction=direction)
+    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
     ax.yaxis.labelpad = 30
     return ax
-
-
-def _title(model: Model, *, torque: Any, direction: Direction) -> list[str]:
-    return [unit_name(model), *stated(torque=torque, direction=direction), "closed form"]
-
-
-def unit_name(model: Model) -> str:
-    """Name of a unit for titles, or of what it is."""
-    return plain(model.name or model.mechanism.name or "transmission error")
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------
@@ -237,7 +230,7 @@ def unit_name(model: Model) -> str:
 
 @dataclass(frozen=True)
 class Signal:
-    """Signal of a run in one direction: `theta` rad, `values` in core units of `quantity`, and where passes begin."""
+    """Signal of a run in one direction: `theta` rad, `values` of `quantity` as drawn, and where passes begin."""
 
     theta: Array
     values: Array
@@ -267,6 +260,7 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
     else:
         values, quantity = run.error(used), "angle"
     ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
+    values = in_shown_unit(values, quantity)
     parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
     return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
 
@@ -275,13 +269,7 @@ def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: 
     """Unit where it is known, short name, torque and directions of a run."""
     directions = [signal.direction for signal in signals]
     load = run.torque if run.load_column is None else run.load_column
-    return [*unit_of(ratio), plain(file_name(run.path) or "run"), *stated(torque=load, direction=directions)]
-
-
-def unit_of(ratio: Reducer | Drive | Model | float | None) -> list[str]:
-    """Name of what was measured, for titles, as far as it has one."""
-    name = ratio.name or ratio.mechanism.name if isinstance(ratio, Model) else getattr(ratio, "name", "")
-    return [plain(name)] if name else []
+    return [*stated(ratio), plain(file_name(run.path) or "run"), *stated(torque=load, direction=directions)]
 
 
 def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = None, ax: Axes | None = None) -> Axes:
@@ -289,9 +277,8 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
     signals = signals_of(run, ratio)
     ax = axes_for(ax)
     for number, part in enumerate(signals):
-        rows = np.degrees(part.theta), in_shown_unit(part.values, part.quantity)
         # a gap where a pass ended and another began
-        drawn = for_drawing(*(np.insert(row, part.breaks, np.nan) for row in rows))
+        drawn = for_drawing(*(np.insert(row, part.breaks, np.nan) for row in (np.degrees(part.theta), part.values)))
         ax.plot(*drawn, lw=0.9, label=way(part.direction), **style.line_style(number))
     ax.ticklabel_format(axis="y", style="plain", useOffset=False)
     return over_angle(ax, *run_title(run, ratio, signals), y=signal_label(signals[0].quantity))
@@ -313,7 +300,7 @@ def state_title(state: Equilibrium) -> list[str]:
     where = state.conditions
     assert where is not None  # as `equilibrium` gives it
     load = where.torque if where.load is None else where.load
-    return [unit_name(state.model), *stated(torque=load, direction=where.direction), "loaded equilibrium"]
+    return [*stated(state.model, torque=load, direction=where.direction), "loaded equilibrium"]
 
 
 # --- influences -------------------------------------------------------------------------------------------------------
@@ -324,8 +311,7 @@ def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     dimension = source(found.key).parameters[0].dimension
     scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
     ax = axes_for(ax)
-    for number, (label, row) in enumerate(zip(found.labels, found.matrix, strict=True)):
-        ax.plot(*for_drawing(np.degrees(found.theta), scale * row), lw=1.1, label=label, **style.line_style(number))
+    lines(ax, np.degrees(found.theta), zip(found.labels, scale * found.matrix, strict=True), lw=1.1)
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
     return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")

@@ -10,25 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rverror.views.html import shipped
 from rverror.views.plots.figure import Figure, svg_element
 
-#: Draws each figure whose data stand beside its still picture, at the size of that.
-_START = """
-for (const told of document.querySelectorAll("figure script")) {
-  const box = told.parentNode, still = box.querySelector("svg"), figure = JSON.parse(told.textContent);
-  box.id = figure.id;
-  try {
-    mpld3.draw_figure(figure.id, figure);
-  } catch (error) {
-    console.error(error);
-    continue;
-  }
-  const drawn = box.querySelector(".mpld3-figure");
-  drawn.setAttribute("viewBox", `0 0 ${figure.width} ${figure.height}`);
-  for (const side of ["width", "height"]) drawn.setAttribute(side, still.getAttribute(side));
-  still.remove();
-}
-"""
 _DIGITS = 6  # of what is drawn, as of the still picture: a screen shows four
 _TICKS = {"format_string": f".{_DIGITS - 1}~g", "prefix": "", "suffix": ""}  # numbers that leave the label its room
 
@@ -42,7 +26,12 @@ def figure_element(figure: Figure, number: int) -> str:
     number : int
         Of the figure on its page.
     """
-    return svg_element(figure) + (_data(figure, number) if _can_zoom(figure) else "")
+    zooms = _can_zoom(figure)
+    for ax in figure.axes if zooms else ():
+        ax.yaxis.labelpad += 30  # numbers have more digits once it is zoomed
+        ax.xaxis.labelpad += 3
+    still = svg_element(figure)  # which lays the figure out, and is all that is drawn of it
+    return still + (_data(figure, number) if zooms else "")
 
 
 @cache
@@ -53,7 +42,7 @@ def scripts() -> tuple[str, ...]:
     except ImportError:
         return ()
     library = (Path(path).read_text(encoding="utf-8") for path in (urls.D3_LOCAL, urls.MPLD3MIN_LOCAL))
-    return (*library, _START)
+    return (*library, shipped("figures.js"))
 
 
 def _can_zoom(figure: Figure) -> bool:
@@ -81,10 +70,7 @@ def _data(figure: Figure, number: int) -> str:
 
     figure.set_dpi(72)  # mpld3 takes points for pixels
     for ax in figure.axes:
-        ax.yaxis.labelpad += 30  # numbers have more digits once it is zoomed
-        ax.xaxis.labelpad += 3
-        legend = ax.get_legend()
-        keys = [] if legend is None else legend.get_lines()
+        keys = legend.get_lines() if (legend := ax.get_legend()) else []
         for key in keys:
             if key.get_linestyle() == "None":  # it draws as many marks as there are points
                 middle = np.asarray(key.get_xydata(), dtype=np.float64).mean(axis=0)
@@ -94,16 +80,15 @@ def _data(figure: Figure, number: int) -> str:
         for line in ax.lines:  # across the axes: through the same points of the data
             line.set_data(*(line.get_transform() - ax.transData).transform(line.get_xydata()).T)
             line.set_transform(ax.transData)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for ax in figure.axes:
         for label in (ax.xaxis.label, ax.yaxis.label, ax.title):  # as plain texts: mpld3 warns of labels
             x, y = (label.get_transform() - ax.transAxes).transform(label.get_position())
             style = {name: getattr(label, f"get_{name}")() for name in ("ha", "va", "rotation", "size")}
             ax.text(x, y, label.get_text(), transform=ax.transAxes, **style)
             label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
-    made = mpld3.fig_to_dict(figure)
+    renderer = mpld3.mpld3renderer.MPLD3Renderer()
+    mpld3.mplexporter.Exporter(renderer).crawl_fig(figure)  # `mpld3.fig_to_dict` would draw all of it again first
+    made = renderer.finished_figures[0][1]
     for axis in (axis for axes in made["axes"] for axis in axes["axes"]):
         axis |= {"tickformat_formatter": "str_method", "tickformat": _TICKS}
     told = json.dumps(made, default=float)
