@@ -53,30 +53,34 @@ def outcome(folder: Path) -> Outcome:
         return found[0]
 
     named = {"--json": "found.json", "--save": "new.toml", "--report": "page.html", "--plot": "picture.png"}
-    arguments = ["diagnose", *(str(folder / name) for name in ("model.toml", "forward.csv", "reverse.csv"))]
+    arguments = ["diagnose", "model.toml", "forward.csv", "reverse.csv", "--jobs", "1"]
     for option, name in named.items():
-        arguments += [option, str(folder / name)]
-    arguments += ["--jobs", "1"]
+        arguments += [option, name]
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(diagnosis_commands, "diagnose", keep)
+        patch.chdir(folder)
         code = cli.main(arguments)
     return Outcome(folder, code, out.getvalue(), err.getvalue(), found[0])
 
 
 @contextlib.contextmanager
-def found_once(of: Outcome) -> Iterator[None]:
-    """Whoever diagnoses the example's files through the front door is told what was found; others diagnose."""
+def found_once(folder: Path) -> Iterator[None]:
+    """Whoever diagnoses the example's files, in a program or by the command, is told the outcome; others diagnose."""
 
     def told(model: rverror.Model, runs: Sequence[rverror.Run], **options: Any) -> Diagnosis:
+        asked = {name for name, value in options.items() if value is not None} - {"jobs", "progress"}
+        if asked or model != rverror.load_model(DEMO / "model.toml"):
+            return diagnose(model, runs, **options)
         files = [rverror.load_run(DEMO / name, model) for name in ("forward.csv", "reverse.csv")]
         angles = [[run.output_angle.tobytes() for run in given] for given in (runs, files)]
-        if options or model != of.diagnosis.declared or angles[0] != angles[1]:
+        if angles[0] != angles[1]:
             return diagnose(model, runs, **options)
-        return of.diagnosis
+        return outcome(folder).diagnosis
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rverror, "diagnose", told)
+        for place in (rverror, diagnosis_commands):
+            patch.setattr(place, "diagnose", told)
         yield
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import rverror
+from diagnosed_example import found_once
 from modules import PUBLIC, named
 from pages import DOCS, text
 from rverror.app.command_line import main
@@ -91,6 +92,13 @@ def test_formulas_are_closed(page):
         assert paragraph.count("$") % 2 == 0, f"{names(page)}: {paragraph[:80]}"
 
 
+@pytest.fixture
+def example_found_once(tmp_path_factory):
+    with found_once(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example"):
+        yield
+
+
+@pytest.mark.usefixtures("example_found_once")
 @pytest.mark.parametrize("page", [p for p in PAGES if "```python" in text(p)], ids=names)
 def test_examples_run(page):
     namespace = {"__name__": "example"}
@@ -100,6 +108,7 @@ def test_examples_run(page):
         assert namespace["peak_to_peak"] == pytest.approx(18.5, abs=0.05)
 
 
+@pytest.mark.usefixtures("example_found_once")
 def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     """Files as the page has them, commands in its order, and what it shows of their output."""
     monkeypatch.chdir(tmp_path)

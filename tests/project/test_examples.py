@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diagnosed_example import found_once, outcome
+from diagnosed_example import found_once
 from pages import ROOT
 from scripts import run
 
@@ -20,5 +20,5 @@ def test_example_runs(path: Path, tmp_path_factory: pytest.TempPathFactory) -> N
     if path.stem in ELSEWHERE:
         assert f'run("{path.stem}")' in (ROOT / "tests" / ELSEWHERE[path.stem]).read_text(encoding="utf-8")
     else:
-        with found_once(outcome(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example")):
+        with found_once(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example"):
             assert "arcsec" in run(path.stem)[0]

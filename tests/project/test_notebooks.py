@@ -24,6 +24,7 @@ import pytest
 from catalogue_tables import NOTHING, WAVE, Closed, shown_indices
 
 import rverror
+from diagnosed_example import found_once
 from pages import ROOT
 from rverror.base.units import ARCSEC
 from rverror.model.catalogue import CATALOGUE
@@ -728,9 +729,10 @@ def test_every_notebook_has_its_claims() -> None:
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
-def test_notebook_runs_and_its_words_hold(path: Path) -> None:
+def test_notebook_runs_and_its_words_hold(path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     """All that needs the cells executed, so that they are executed once."""
-    played, says = play(path), Prose(path)
+    with found_once(tmp_path_factory.getbasetemp() / "diagnosis-of-the-example"):
+        played, says = play(path), Prose(path)
     assert played.files == []
     assert not PLACE.search(played.printed)
 

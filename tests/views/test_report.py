@@ -230,10 +230,11 @@ def test_the_fall_is_credited_to_what_made_it(result: Outcome) -> None:
     assert "are due to what was added" not in to_text(replace(result.diagnosis, **parts))
 
 
-def test_json_is_the_diagnosis_to_six_digits(result: Outcome) -> None:
+def test_json_is_the_diagnosis_to_six_digits(result: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
     data, found = result.json(), result.diagnosis
+    monkeypatch.chdir(result.folder)
     files = input_files([item["path"] for item in data["files"]])
-    assert [Path(item["path"]).name for item in data["files"]] == ["model.toml", "forward.csv", "reverse.csv"]
+    assert [item["path"] for item in data["files"]] == ["model.toml", "forward.csv", "reverse.csv"]
     assert data == strict_json(json.dumps(to_json(found, files=files)))
     assert data["noise_rms_arcsec"] * ARCSEC == pytest.approx(found.noise_rms, rel=1e-5)
     for key, residual in (("before", found.before), ("after", found.after)):

@@ -397,14 +397,14 @@ def _most_surprising(
     Chance is what the contrasts make of units in any order.  Their weights are shuffled, some orders at a time: one
     product of matrices for all of these.
     """
-    projected, units, seen = values @ fits.basis, contrasts.shape[1], list[Array]()
+    projected, units, seen = values @ fits.basis, contrasts.shape[1], list[float]()
     chi = fits.chi_squares(contrasts @ projected)
     surprises = fits.surprise(chi)
     while len(seen) < shuffles:
         orders = [rng.permutation(units) for _ in range(min(shuffles - len(seen), -(-_ROWS // len(contrasts))))]
         weights = np.concatenate([contrasts[:, np.argsort(order)] for order in orders])
-        sums = (weights @ projected).reshape(len(orders), len(contrasts), -1)
-        seen += [fits.surprise(fits.chi_squares(one)).max() for one in sums]
+        largest = fits.chi_squares((weights @ projected).reshape(len(orders), len(contrasts), -1)).max(axis=1)
+        seen += fits.surprise(largest).tolist()
     at = int(np.argmax(surprises))
     return at, chi[at], tail_chance(np.array(seen), float(surprises[at]))
 

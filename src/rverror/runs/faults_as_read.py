@@ -198,6 +198,10 @@ class _Sides:
         normal[:, range(3), range(3)] += 1e-9  # several samples at one angle
         return np.asarray(np.linalg.inv(normal) @ powers, dtype=np.float64)
 
+    def inner(self, count: int) -> list[slice]:
+        """Samples that have neighbours on both sides of so many; those one further on, and so forth."""
+        return [slice(NEAR + j, self.size - NEAR - count + 1 + j) for j in range(count + 1)]
+
     def fitted(self, values: Array) -> tuple[Array, Array]:
         """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""
         windows = np.lib.stride_tricks.sliding_window_view(values, NEAR)
@@ -212,7 +216,7 @@ class _Sides:
         x = 0.5 * (self.at[k - 1] + self.at[k + width])
         return k, self.along(fits[1], k + width, x) - self.along(fits[0], k, x)
 
-    def along(self, coefficients: Array, k: Integers, x: Array) -> Array:
+    def along(self, coefficients: Array, k: Integers | slice, x: Array) -> Array:
         """Values of the parabolas of samples k at places x."""
         a, b, c = coefficients[:, k]
         d = x - self.at[k]
@@ -225,25 +229,26 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int
     best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
     rest = clean - values
     for length in range(1, BOUNDS.longest_burst + 1):
-        k = np.arange(NEAR, sides.size - length - NEAR + 1)  # first of the burst
-        off, by_before, by_after = np.empty((3, length, k.size))
-        cleaned = np.zeros(k.size)
-        for j in range(length):
-            x, value = sides.at[k + j], values[k + j]
-            by_before[j] = value - sides.along(before, k, x)
-            by_after[j] = value - sides.along(after, k + length, x)
+        *burst, behind = sides.inner(length)  # its first samples, its second ones .., and those behind it
+        first = burst[0]
+        off, by_before, by_after = np.empty((3, length, first.stop - first.start))
+        cleaned = np.zeros(off.shape[1])
+        for j, k in enumerate(burst):
+            x, value = sides.at[k], values[k]
+            by_before[j] = value - sides.along(before, first, x)
+            by_after[j] = value - sides.along(after, behind, x)
             # The two parabolas err by a cubic, in opposite senses, so that their mean hardly errs.
             share = (j + 1) / (length + 1)
             off[j] = (1 - share) * by_before[j] + share * by_after[j]
-            cleaned += rest[k + j] / length
+            cleaned += rest[k] / length
         mean = off.mean(axis=0)
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is predicted from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
         score = _score(mean, mean + cleaned, alone, floor, BOUNDS.certain)
-        better = score > best[k]
-        best[k[better]], lengths[k[better]] = score[better], length
-    return {first + j for first in peaks(best, 0.0, NEAR) for j in range(int(lengths[first]))}
+        better = score > best[first]
+        best[first][better], lengths[first][better] = score[better], length
+    return {at + j for at in peaks(best, 0.0, NEAR) for j in range(int(lengths[at]))}
 
 
 def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:

@@ -157,9 +157,10 @@ class SampleQuantile(Constraint):
         values, slopes = np.empty(len(self.still)), np.empty((len(self.still), widths.size))
         for limit, (changes, offsets) in enumerate(zip(self.slopes, self.offsets, strict=True)):
             turns = changes @ widths + offsets
-            largest, order = turns.argmax(axis=0), np.argsort(turns.max(axis=0))
-            values[limit] = self._weight @ turns.max(axis=0)[order]
-            slopes[limit] = self._weight @ changes[largest[order], order]
+            counted = np.argsort(turns.max(axis=0))[self._weight != 0]
+            largest, weight = turns[:, counted].argmax(axis=0), self._weight[self._weight != 0]
+            values[limit] = weight @ turns[largest, counted]
+            slopes[limit] = weight @ changes[largest, counted]
         return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
 
     def best(self, costs: CostModel) -> Array:

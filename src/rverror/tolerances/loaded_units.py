@@ -211,7 +211,7 @@ class LoadedTurn:
         where = self.geometry.motion
         return where.torque or 0.0 if where.load is None else np.abs(where.load)
 
-    @property
+    @cached_property
     def idle(self) -> bool:
         """Whether the load vanishes."""
         return not np.any(self.torque)

@@ -6,7 +6,9 @@ import io
 import math
 import os
 import sys
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
@@ -62,6 +64,21 @@ def refusal(call: Any, *words: str) -> str:
     for word in words:
         assert word in message, message
     return message
+
+
+@pytest.fixture
+def mat_in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MAT files are read by the same lines in this process; that one of their own bears damage is tested below."""
+
+    def run(command: list[str], **_: Any) -> SimpleNamespace:
+        *_, code, path = command
+        with io.BytesIO() as out, warnings.catch_warnings(), monkeypatch.context() as patch:
+            patch.setattr(sys, "argv", ["-c", path])
+            patch.setattr(sys, "stdout", SimpleNamespace(buffer=out))
+            exec(code, {})
+            return SimpleNamespace(returncode=0, stdout=out.getvalue())
+
+    monkeypatch.setattr(bench_binary, "subprocess", SimpleNamespace(run=run))
 
 
 def columns(rows: int = N, *, separator: str = ";", names: str = "in;out", decimal: str = ",") -> str:
@@ -244,6 +261,7 @@ def test_a_mapping_may_be_given_as_read(tmp_path: Path) -> None:
     same(load_run(hdf5(tmp_path), RATIO, mapping), standard(tmp_path), rtol=1e-14)
 
 
+@pytest.mark.usefixtures("mat_in_process")
 def test_error_columns_and_the_ratio(tmp_path: Path) -> None:
     file = mat(tmp_path, te=np.degrees(TE) * 3600)
     mapping = MAPPING.replace("output_angle", "te").replace('"out", unit = "deg"', '"te", unit = "arcsec"')
@@ -417,6 +435,7 @@ def matrix_file(folder: Path, kind: str, **more: Any) -> Path:
     return file
 
 
+@pytest.mark.usefixtures("mat_in_process")
 @pytest.mark.parametrize("kind", ["mat", "mat 4", "mat 7.3", "h5"])
 def test_matrix_with_a_channel_in_each_column(tmp_path: Path, kind: str) -> None:
     file = matrix_file(tmp_path, kind, note=np.zeros((4, 4)))
@@ -434,6 +453,7 @@ def test_matrix_with_a_channel_in_each_column(tmp_path: Path, kind: str) -> None
     refusal(lambda: load(file, beyond), "there is no column 7", "line 5", "'data/3'")
 
 
+@pytest.mark.usefixtures("mat_in_process")
 @pytest.mark.parametrize("kind", ["mat", "mat 4", "mat 7.3", "h5"])
 def test_matrix_with_a_channel_in_each_row(tmp_path: Path, kind: str) -> None:
     """As Simulink's file blocks write it, one channel above the other."""
@@ -526,6 +546,7 @@ MATLAB = {
 }
 
 
+@pytest.mark.usefixtures("mat_in_process")
 @pytest.mark.parametrize("name", MATLAB)
 def test_what_matlab_holds_beside_numbers(tmp_path: Path, name: str) -> None:
     value, words = MATLAB[name]
@@ -629,6 +650,7 @@ def test_two_columns_of_a_standard_name(tmp_path: Path) -> None:
     np.testing.assert_allclose(same_as.te_column, np.radians(TE))
 
 
+@pytest.mark.usefixtures("mat_in_process")
 def test_torque_records(tmp_path: Path) -> None:
     file = mat(tmp_path, M=TORQUE)
     mapping = MAPPING + "torque = { name = 'M', unit = 'N*m' }\n"
@@ -741,6 +763,7 @@ def test_time_stamps(tmp_path: Path) -> None:
 # --- the header -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("mat_in_process")
 def test_values_of_the_header(tmp_path: Path) -> None:
     head = "[header]\ndirection = 'forward'\ntemperature = '-5 degC'\nindex = 'A'\n"
     load_of = "output_torque = { property = 'load', unit = 'N*m' }\n"
@@ -834,7 +857,7 @@ def test_damaged_files(tmp_path_factory: pytest.TempPathFactory, place: int, byt
     assert "\n" not in message
 
 
-@pytest.mark.parametrize(("place", "byte"), [(145, 127), (172, 14), (184, 255), (307, 6), (400, 128)])
+@pytest.mark.parametrize(("place", "byte"), [(145, 127), (172, 14), (184, 255), (307, 1), (400, 128)])
 def test_damage_that_ends_the_process_of_scipy(tmp_path: Path, place: int, byte: int) -> None:
     out = io.BytesIO()
     scipy.io.savemat(out, {"vector": np.arange(10.0), "structure": {"a": np.arange(3.0)}})

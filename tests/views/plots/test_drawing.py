@@ -367,7 +367,10 @@ def things(found: Diagnosis) -> dict[str, Any]:
         tolerance("crank.index", "1 arcmin", cost=Reciprocal(1.0, 1e-4), bounds=(1e-5, 1e-3)),
     )
     asked = [limit("transmission_error", "60 arcsec", torque="9 N*m"), limit("lost_motion", torque="1 N*m")]
-    with mock.patch("rverror.tolerances.full_budget.POINTS", 8):
+    with (
+        mock.patch("rverror.tolerances.full_budget.POINTS", 8),
+        mock.patch.multiple("rverror.tolerances.loaded_units", FINE=720, POSITIONS=6),  # as the fixture few_angles
+    ):
         units = error_budget(MODEL, tolerances, theta=THETA, count=1024, index_count=256, limits=asked, loaded_count=16)
     assert units.at_load is not None
     least = allocate(MODEL, tolerances, THETA, limit="60 arcsec", kind="worst")

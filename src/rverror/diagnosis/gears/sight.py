@@ -208,11 +208,12 @@ class MeanSamples(EverySample):
         return self._way(grid, offset)(rows)
 
     def _way(self, grid: AngleGrid, offset: float) -> Callable[[Array], Array]:
-        if (grid, offset) not in self._ways:
+        found = self._ways.get((grid, offset))
+        if found is None:  # another thread may clear what is kept at any time
             if len(self._ways) > _KEPT:
                 self._ways.clear()
-            self._ways[grid, offset] = self.readout(grid, offset).averaged(self.means)
-        return self._ways[grid, offset]
+            found = self._ways[grid, offset] = self.readout(grid, offset).averaged(self.means)
+        return found
 
     @cached_property
     def _ways(self) -> dict[tuple[AngleGrid, float], Callable[[Array], Array]]:

@@ -260,9 +260,9 @@ def _left(columns: Waves, waves: Waves, more: Waves | None = None) -> Array:
     squares = float(np.vdot(rest, rest).real)
     if more is None:
         return np.array([squares])
-    own = more - (more @ base.conj()) @ base.T
-    size = np.maximum((np.abs(own) ** 2).sum(axis=1), 1e-12 * (np.abs(more) ** 2).max(axis=1))
-    return np.asarray(np.maximum(squares - np.abs(own @ rest.conj()) ** 2 / size, 0.0))
+    whole, inside = (np.einsum("gn,gn->g", rows, rows.conj()).real for rows in (more, more @ base.conj()))
+    own = np.maximum(whole - inside, 1e-12 * whole)  # squares of a row beside the columns
+    return np.asarray(np.maximum(squares - np.abs(more @ rest.conj()) ** 2 / own, 0.0))
 
 
 def _floor(series: ResonantSeries, policy: Policy) -> float:

@@ -27,7 +27,7 @@ from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import Conditions, Pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -77,12 +77,14 @@ class TableSight(Sight):
     turn : AngleGrid
     torque : float, optional
         At which the gear train is solved, N*mm.
+    gears : Reducer
     """
 
     case: OrderCase
     sigma: Array
     turn: AngleGrid
     torque: float | None
+    gears: Reducer
 
     @property
     def width(self) -> int:
@@ -131,11 +133,13 @@ class TableSight(Sight):
 
     def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Waves of a source that acts beyond the contacts."""
-        unit = model.mechanism
-        assert isinstance(unit, Reducer)
-        where = motion(unit, Conditions(self.turn.theta, self.case.condition.direction, self.torque))
-        rows = source_matrix(where, {"output": np.ones((1, self.turn.points))}, *named)
+        rows = source_matrix(self._motion, {"output": np.ones((1, self.turn.points))}, *named)
         return np.asarray(rows @ self._own)
+
+    @cached_property
+    def _motion(self) -> Pose:
+        """Over the turn; stiffness plays no part in it."""
+        return motion(self.gears, Conditions(self.turn.theta, self.case.condition.direction, self.torque))
 
     def whiten(self, rows: Array) -> Array:
         """Rows in units of the noise."""
@@ -217,8 +221,10 @@ class TableSet(RunSet):
     def sights(self) -> tuple[Sight, ...]:
         """How each condition is looked at."""
         return tuple(
-            TableSight(case, sigma, self.conditions[which].turn, cast("float | None", self.conditions[which].torque))
-            for case, sigma, which in zip(self.cases, self.sigmas, self.which, strict=True)
+            TableSight(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
+            for case, sigma, under in zip(
+                self.cases, self.sigmas, (self.conditions[which] for which in self.which), strict=True
+            )
         )
 
 
