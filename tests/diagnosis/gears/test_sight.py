@@ -45,6 +45,24 @@ def test_a_waveform_is_read_at_the_samples_and_turns_with_the_marks(offset: floa
     assert sight.measured.size == sight.constant.sum() == sight.width == theta.size
 
 
+@pytest.mark.parametrize("kept", ["made", "_ways"])
+def test_what_another_thread_clears_meanwhile_is_made_and_given_all_the_same(kept: str) -> None:
+    """The ways from grids to samples that are kept are few, and threads share them: one may drop what one has made."""
+
+    class Dropped(dict[object, object]):
+        def __setitem__(self, key: object, value: object) -> None:
+            """Another thread clears all at once."""
+
+    grid, theta = whole(0.0, TURN, 256), TURN * np.arange(300) / 300
+    sight = MeanSamples(record_of(np.zeros(theta.size), theta), 4)
+    rows = np.cos(3 * grid.theta)[None]
+    expected = sight.of_grid(grid, rows, 0.2)
+    other = MeanSamples(replace(sight.record, made=Dropped()) if kept == "made" else sight.record, 4)
+    if kept == "_ways":
+        vars(other)[kept] = Dropped()
+    assert np.array_equal(other.of_grid(grid, rows, 0.2), expected)
+
+
 def test_what_is_read_at_the_output_keeps_to_the_bench_s_zero() -> None:
     """An encoder's waves stand in the bench, wherever the marks of the gear are."""
     theta = TURN * np.arange(300) / 300
