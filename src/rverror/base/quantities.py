@@ -46,14 +46,14 @@ class NumberField:
 
         Raises
         ------
-        InputError
+        ValueError
             If it is out of bounds, in a line that begins with the name.
         """
         if self.dimension == COUNT and (isinstance(value, bool) or not isinstance(value, int)):
-            raise InputError(f"{name} = {value!r}: must be a whole number, {self._bounds()}")
+            raise ValueError(f"{name} = {value!r}: must be a whole number, {self._bounds()}")
         size: float = value if self.dimension == COUNT else units.named_core(name, value, self.dimension)
         if not (self.least <= size <= self.most and size > self.above):
-            raise InputError(f"{name} = {self._shown(size)}: must be {self._bounds()}{self.remedy}")
+            raise ValueError(f"{name} = {self._shown(size)}: must be {self._bounds()}{self.remedy}")
         return size
 
     def _shown(self, size: float) -> str:

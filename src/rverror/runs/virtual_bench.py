@@ -174,18 +174,19 @@ def simulate_runs(
         points = samples_needed(unit) if isinstance(unit, Reducer) else 4096
     if correlation is not None and noise is None:
         raise InputError("correlation: there is no noise to be correlated; give --noise '0.3 arcsec' too")
-    bench = _Bench(
-        points=points,
-        revolutions=revolutions,
-        method=method,
-        noise=0.0 if noise is None else noise,
-        correlation=0.0 if correlation is None else correlation,
-        input_counts=input_counts,
-        output_counts=output_counts,
-        seed=DEFAULT_SEED if seed is None else seed,
-        output_speed=output_speed,
-    )
-    sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
+    with refusing(""):
+        bench = _Bench(
+            points=points,
+            revolutions=revolutions,
+            method=method,
+            noise=0.0 if noise is None else noise,
+            correlation=0.0 if correlation is None else correlation,
+            input_counts=input_counts,
+            output_counts=output_counts,
+            seed=DEFAULT_SEED if seed is None else seed,
+            output_speed=output_speed,
+        )
+        sizes = [_torque(unit, torque, bench.method) for torque in torques] or [None]
     samples = points * bench.revolutions
     if samples > _LARGEST:
         raise InputError(f"points * revolutions = {samples}: must be {_LARGEST} or fewer; ask for fewer")
