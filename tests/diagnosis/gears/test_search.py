@@ -452,6 +452,18 @@ def test_a_pin_out_of_the_circle_and_to_one_side_leads_by_its_starts(side: int) 
     assert linear.indices["pin"] % 8 != 4
 
 
+def test_starts_of_single_lobes_are_solved_at_once_and_those_of_single_pins_when_all_are() -> None:
+    """A lobe repeats with the crank, so that all of them cost less than a wave of the pins; a pin takes a turn."""
+    fit = settled(Model(OTHER, (LOBE,)), LOBE, conditions=LIGHT)
+    moves = search_of(fit, NEAR_PINS).moves
+    offered = {of: {key for key, _ in moves.starting(with_crank=of)} for of in (True, False, None)}
+    assert LOBE.key in offered[True]
+    assert {key for key, _ in moves.starting(with_crank=False)} == {WAVE.key}
+    assert offered[None] == {LOBE.key, WAVE.key, PIN.key, PINS.key}
+    hidden = [trial for trial in moves.hidden(moves.root) if trial.added[0].key == LOBE.key]
+    assert {named(trial.added[0]) for trial in hidden} >= {named(LOBE)}
+
+
 def test_a_source_of_one_place_is_solved_beside_a_set_at_each_of_its_starts_whatever_a_linear_step_says() -> None:
     true = (CAM, PLAY)
     search = search_of(settled(Model(OTHER, true), *true, conditions=LIGHT), [effect.key for effect in true])

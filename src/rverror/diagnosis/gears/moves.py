@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 _OFFERED = 30  # trials of each kind that a set offers
 _STARTS = 512  # angles a turn on which starts are solved
-_FEW_PLACES = 12  # of a source whose starts are solved at once: harmonics of two discs, not single pins or lobes
+_FEW_PLACES = 12  # of a source whose starts over a whole turn rival a cause: harmonics of two discs, not single pins
 _NEARLY = 2.0  # times what noise hardly exceeds, up to which a set may only have a cause in a wrong place
 _MOST_MOVES = 60  # sets of equivalent places: three causes, each in three others, are 63
 
@@ -400,14 +400,14 @@ class Moves:
         return self._leading
 
     def starting(self, *, with_crank: bool | None = None) -> tuple[Named, ...]:
-        """Candidates with starts: all, or of sources with few places those that repeat with the crank, or do not."""
+        """Candidates with starts: all, or those that repeat with the crank, or of the others those of few places."""
         unit, places = self.root.fit.run_set.unit, self.score.places
         some = [(source(key), key, indices) for key, indices in self.candidates if source(key).starts]
         return tuple(
             (key, indices)
             for entry, key, indices in some
             if with_crank is None
-            or (places[key] <= _FEW_PLACES and entry.repeats_with_crank(unit, indices) == with_crank)
+            or (entry.repeats_with_crank(unit, indices) == with_crank and (with_crank or places[key] <= _FEW_PLACES))
         )
 
     def _begun_alone(self, fit: Fit) -> list[Effect]:
