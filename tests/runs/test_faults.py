@@ -19,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.runs.fault_bounds import FaultBounds
 from rverror.runs.faults import Faults, find_faults
-from rverror.runs.faults_as_read import NEAR, _Sides
+from rverror.runs.faults_as_read import NEAR, Sides
 from rverror.runs.measurement import load_run
 from rverror.runs.virtual_bench import coloured_noise, quantised
 
@@ -563,7 +563,7 @@ def test_the_page_has_every_threshold() -> None:
 @pytest.mark.parametrize("width", [0, 1, 3])
 def test_a_step_is_read_half_way_between_its_samples(width: int) -> None:
     """What is even about that place looks alike from both sides: its parabolas meet there, and not at a sample."""
-    sides, first = _Sides(0.01 * np.arange(120.0)), 60
+    sides, first = Sides(0.01 * np.arange(120.0)), 60
     middle = first + (width - 1) / 2
     places, steps = sides.steps(sides.fitted((np.arange(120.0) - middle) ** 4), width)
     beside = np.abs(places - first)

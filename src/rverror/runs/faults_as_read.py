@@ -47,8 +47,8 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
     """
     if theta.size < 4 * NEAR:
         return FoundFaults({}, ())
-    sides, beyond = _Sides(theta), NEAR + BOUNDS.longest_burst
-    sides_beyond = _Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
+    sides, beyond = Sides(theta), NEAR + BOUNDS.longest_burst
+    sides_beyond = Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
     values = error.copy()
     off: set[int] = set()
     doubtful = _apart(values, (5, 11))
@@ -173,10 +173,17 @@ def _mirrored(values: Array, count: int, first: float, last: float) -> Array:
     return np.concatenate([2 * first - values[count:0:-1], values, 2 * last - values[-2 : -count - 2 : -1]])
 
 
-class _Sides:
-    """Least-squares parabolas through the neighbours on each side of every sample."""
+class Sides:
+    """Least-squares parabolas through the neighbours on each side of every sample.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Angles of the samples, rad.
+    """
 
     def __init__(self, theta: Array) -> None:
+        """Solve them once for all values."""
         steps = np.abs(np.diff(theta))
         usual = float(np.median(steps[steps > 0])) if steps.any() else 1.0
         self.at = (theta - theta[0]) / usual
@@ -223,7 +230,7 @@ class _Sides:
         return np.asarray(a + d * (b + d * c), dtype=np.float64)
 
 
-def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int]:
+def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]:
     """Samples that both sides say are off; of neighbours the worst only.  `clean` has no doubtful ones."""
     before, after = sides.fitted(clean)
     best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
@@ -251,7 +258,7 @@ def _bursts(sides: _Sides, values: Array, clean: Array, floor: float) -> set[int
     return {at + j for at in peaks(best, 0.0, NEAR) for j in range(int(lengths[at]))}
 
 
-def _steps(sides: _Sides, values: Array, floor: float) -> list[LevelStep]:
+def _steps(sides: Sides, values: Array, floor: float) -> list[LevelStep]:
     """Steps between the parabolas of both sides; of neighbours the largest only."""
     fits = sides.fitted(values)
     change = np.diff(values, prepend=values[0])
