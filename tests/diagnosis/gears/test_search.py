@@ -458,6 +458,7 @@ def test_starts_of_single_lobes_are_solved_at_once_and_those_of_single_pins_when
     moves = search_of(fit, NEAR_PINS).moves
     offered = {of: {key for key, _ in moves.starting(with_crank=of)} for of in (True, False, None)}
     assert LOBE.key in offered[True]
+    assert PIN.key not in offered[True]
     assert {key for key, _ in moves.starting(with_crank=False)} == {WAVE.key}
     assert offered[None] == {LOBE.key, WAVE.key, PIN.key, PINS.key}
     hidden = [trial for trial in moves.hidden(moves.root) if trial.added[0].key == LOBE.key]
