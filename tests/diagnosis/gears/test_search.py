@@ -158,6 +158,19 @@ def test_no_more_causes_are_looked_for_than_are_named(most: int) -> None:
     assert len(best.fit.added) <= most
 
 
+def test_a_set_that_is_worth_less_than_what_is_declared_is_not_expanded() -> None:
+    """What it leads to is found from the root."""
+    search = read(HEAD)
+    right, less = (search.score.of(beside(search.root.fit, effect)) for effect in (HEAD, PLANET))
+    assert right.score < search.root.score < less.score
+    search.keep([less])
+    search.expand_beam()
+    assert {names for names, _ in search.expanded} == {frozenset()}
+    search.keep([right])
+    search.expand_beam()
+    assert {names for names, _ in search.expanded} == {frozenset(), right.names}
+
+
 def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     """A wave of the crank's order, which no candidate makes and which is no line of its own."""
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)
