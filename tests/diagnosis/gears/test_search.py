@@ -171,6 +171,22 @@ def test_a_set_that_is_worth_less_than_what_is_declared_is_not_expanded() -> Non
     assert {names for names, _ in search.expanded} == {frozenset(), right.names}
 
 
+def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
+    """Beside fewer causes one more is added; where there is no room, another takes the place of each."""
+    weak = replace(HEAD, values=tuple(0.16 * v for v in HEAD.values))
+    search = read(weak, TWICE, most_effects=2)
+    wrong = search.score.of(beside(search.root.fit, TWICE, PLANET))
+    assert search.moves.nearly(wrong)
+    assert not search.complete(wrong)
+    first = next(search.moves.exchanged(wrong))
+    assert {named(e) for e in first.added} == {named(HEAD), named(TWICE)}
+    assert first.score < wrong.score
+    search.keep([wrong])
+    search.expand_beam()
+    assert (wrong.names, "exchanged") in search.expanded
+    assert (wrong.names, "_elsewhere") not in search.expanded
+
+
 def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     """A wave of the crank's order, which no candidate makes and which is no line of its own."""
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)

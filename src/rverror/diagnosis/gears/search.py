@@ -149,12 +149,14 @@ class Search:
 
     def _promising(self, size: int) -> list[Trial]:
         """Trials of so many causes that may be the best of that number, and, where the first of them completed no set,
-        some that were not solved yet: of what bends a linear step promises too little."""
+        some that were not solved yet: of what bends a linear step promises too little.  These are left alone where more
+        causes leave no more than noise already: what is missing is then among those."""
         known = [one.score for one in self.known.values() if len(one.fit.added) == size]
         limit = min(known, default=math.inf) + _CLOSE * (self._width - 1)
         same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: t.score)
         first = distinct([trial for trial in same if trial.score <= limit], _TOGETHER)
-        if not self._rounds and self._width == 1:
+        fits = any(len(one.fit.added) > size and one.fit.data <= one.fit.bound for one in self.known.values())
+        if fits or (not self._rounds and self._width == 1):
             return first
         chosen = set(map(id, first))
         return first + distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
@@ -314,6 +316,10 @@ class Search:
             gains = [one for one in self.known.values() if one.score <= self.root.score]
             alike = sorted((one for one in gains if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
+                if self._moved(one):
+                    found = True
+                    if self.complete(self._leader):
+                        return True
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
             for one in alike[: _AS_GOOD * self._width] if self._rounds else ():
                 found = self.expand(one, self._begun_beside) or found
@@ -321,11 +327,15 @@ class Search:
 
     def _kinds(self, one: Hypothesis) -> list[Callable[[Hypothesis], Iterator[Trial]]]:
         """Moves from a set, in their order."""
-        moves, full = self.moves, len(one.fit.added) == self.policy.most_effects
-        misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
-        if full:
-            return [*misplaced, self._lined]
-        return [*misplaced, self._singly, moves.doubly, moves.begun, self._lined]
+        moves = self.moves
+        if len(one.fit.added) < self.policy.most_effects:
+            return [self._singly, moves.doubly, moves.begun, self._lined]
+        return [moves.exchanged, self._lined] if moves.nearly(one) else [self._lined]
+
+    def _moved(self, one: Hypothesis) -> bool:
+        """Race a set that nearly fits with its causes elsewhere; of a full one others replace causes instead."""
+        able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.nearly(one)
+        return able and self.expand(one, self._elsewhere)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
