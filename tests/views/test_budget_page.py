@@ -11,7 +11,7 @@ import pytest
 import rverror
 from pages import without_scripts
 from rverror.app.command_line import main
-from rverror.app.terminal import Progress
+from rverror.app.terminal import ProgressLine
 from rverror.base.units import ARCSEC
 
 MODEL = 'name = "joint 3 <b>"\n[reducer]\npreset = "RV-40E"\n'
@@ -138,7 +138,7 @@ def test_progress_is_one_line_of_a_terminal_else_lines(
     ):
         monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
         clock[0] = 0.0
-        with Progress() as progress:
+        with ProgressLine() as progress:
             clock[0] = 3.0
             progress("65536 virtual units: 6 %")
         said = capsys.readouterr().err

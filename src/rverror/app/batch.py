@@ -21,6 +21,7 @@ from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
 from rverror.base.numbers import brief
+from rverror.base.progress import Progress
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
@@ -43,7 +44,6 @@ COLUMNS = "unit,state,verdict,keys,heldout_rms_before,heldout_rms_after,rms_unit
 _OWN_SUMMARY, _OWN_PAGE = "unit,state,", "<title>rverror"  # what files of any version hold
 _MOST_WORKERS = 61  # a limit of Windows
 
-Progress = Callable[[str], None]
 #: What a worker sends back: what became of the unit, content of the result and page, empty where it failed.
 _Answer = tuple["UnitOutcome", str, str]
 

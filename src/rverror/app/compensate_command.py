@@ -12,7 +12,7 @@ from rverror.app.terminal import (
     MAPPING,
     MODEL,
     RUNS,
-    Progress,
+    ProgressLine,
     choice,
     command,
     flag,
@@ -109,7 +109,7 @@ def _with_causes(
         return model
     loads = ", ".join(with_unit(load, "torque") for load in new)
     tell(f"no run at {loads}: looking for causes, which predict the error at other loads")
-    with Progress() as progress:
+    with ProgressLine() as progress:
         return diagnose(model, runs, progress=progress).model
 
 

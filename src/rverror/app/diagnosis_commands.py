@@ -14,7 +14,7 @@ from rverror.app.terminal import (
     MAPPING,
     MODEL,
     RUNS,
-    Progress,
+    ProgressLine,
     check_output,
     command,
     flag,
@@ -66,7 +66,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         from rverror.tolerances.tolerance_file import load_tolerances  # half of all modules, for this option alone
 
         prior = load_tolerances(options.prior, model)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         result = diagnose(model, runs, jobs=options.jobs, prior=prior, progress=progress)
     if unseen:
         result = validated(result, unseen)
@@ -101,7 +101,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
     Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was stopped
     goes on when the command is given again.
     """
-    with Progress() as progress:
+    with ProgressLine() as progress:
         batch = diagnose_folder(
             options.folder,
             out=options.output,

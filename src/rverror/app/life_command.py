@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Sequence
 
-from rverror.app.terminal import MAPPING, Progress, check_outputs, command, named, option, results, write_results
+from rverror.app.terminal import MAPPING, ProgressLine, check_outputs, command, named, option, results, write_results
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.life.compared import compare_runs
@@ -46,7 +46,7 @@ def _trend(options: argparse.Namespace) -> None:
     paths = _listed(options, options.runs)
     model, mapping = load_model(options.model), given_mapping(options.mapping)
     runs = [read_run(path, model, mapping) for path in paths]
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = trend(model, runs, limit=wanted, progress=progress)
     write_results(found, options)
 
@@ -70,7 +70,7 @@ def _compare_runs(options: argparse.Namespace) -> None:
     mapping = given_mapping(options.mapping)
     model = None if options.model is None else load_model(options.model)
     before, after = ([read_run(path, model, mapping) for path in side] for side in sides)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = compare_runs(before, after, model, progress=progress)
     write_results(found, options)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from rverror.app.batch import processes
 from rverror.app.terminal import (
     MAPPING,
-    Progress,
+    ProgressLine,
     check_outputs,
     command,
     number,
@@ -96,7 +96,7 @@ def _lot(options: argparse.Namespace) -> None:
     if options.compress is not None:
         _compress(inputs, options)
         return
-    with Progress() as progress:
+    with ProgressLine() as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
@@ -107,7 +107,7 @@ def _lot(options: argparse.Namespace) -> None:
     _write(told, options)
 
 
-def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
+def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: ProgressLine) -> Lot:
     """The least likely members with their own diagnosis, where their runs are at hand."""
     wanted, model = {one.serial for one in found.outsiders[:most]}, inputs.model
     runs = {unit.serial: unit.read(model, inputs.mapping).runs for unit in inputs.unread if unit.serial in wanted}
@@ -119,7 +119,7 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
-    with Progress() as progress, _workers(options.jobs, inputs) as executor:
+    with ProgressLine() as progress, _workers(options.jobs, inputs) as executor:
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
     tell(*inputs.notes)
     print(f"{options.compress}: {count_of(done.units, 'unit')}, the runs of {done.read} read now")

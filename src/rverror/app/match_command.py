@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from rverror.app.terminal import (
-    Progress,
+    ProgressLine,
     command,
     flag,
     named,
@@ -64,7 +64,7 @@ def _match(options: argparse.Namespace) -> None:
         limits = [one for one in limits_of(options, model) if one.value is not None]
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
     tell(*read.notes)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
     write_results(found, options)
     if options.save:

@@ -32,7 +32,7 @@ _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
 
 
-class Progress:
+class ProgressLine:
     """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> ProgressLine:
         """Begin."""
         return self
 

@@ -9,7 +9,7 @@ from rverror.app.terminal import (
     MODEL,
     WAY,
     Option,
-    Progress,
+    ProgressLine,
     arm,
     arm_option,
     choice,
@@ -110,7 +110,7 @@ def _budget(options: argparse.Namespace) -> None:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("--yield", "--loaded-units"), unused)
     limits = limits_of(options, model) if at_load else ()
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = error_budget(
             model,
             tolerances,
@@ -152,7 +152,7 @@ def _allocate(options: argparse.Namespace) -> None:
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: Sequence[FrontPoint] = ()
-    with Progress() as progress:
+    with ProgressLine() as progress:
         if options.kind == "load":
             found = _allocated_at_load(options, model, tolerances, progress)
         else:
@@ -165,7 +165,7 @@ def _allocate(options: argparse.Namespace) -> None:
 
 
 def _allocated_at_load(
-    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: Progress
+    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: ProgressLine
 ) -> Allocation:
     if options.limit is None:
         if not any(_given(options, name) for name in _LIMITED):
@@ -184,7 +184,7 @@ def _allocated_at_load(
 
 
 def _allocated_in_closed_form(
-    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: Progress
+    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: ProgressLine
 ) -> tuple[Allocation, Sequence[FrontPoint]]:
     unused = f"the closed form knows no load; leave it out, or leave out --kind {options.kind}"
     if not isinstance(model.mechanism, Reducer):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rverror.base.arrays import Array
@@ -13,7 +13,6 @@ from rverror.diagnosis.orders.resonances import Resonance
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
 
-Progress = Callable[[str], None]
 Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
 
 

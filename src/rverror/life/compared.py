@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.progress import Progress
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.life.over_life import searched, told
 from rverror.life.result import Changed, OrderChange, RunsCompared
@@ -29,7 +30,7 @@ def compare_runs(
     after: Sequence[Run],
     model: Model | None = None,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> RunsCompared:
     """Tell what changed between two measurements of a unit, order by order and cause by cause.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -14,6 +14,7 @@ import scipy
 from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError, check_each, refusing
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
@@ -38,8 +39,6 @@ _DRAWS = 256  # of a unit's sizes within their uncertainty
 _KNOWN = 8  # units that suffice to estimate the doubt anew
 _CLASSES = 3
 
-Progress = Callable[[str], None] | None
-
 
 def match(
     model: Model,
@@ -49,7 +48,7 @@ def match(
     turns: bool = False,
     costs: Mapping[str, float] | None = None,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Matched:
     """Say which measured parts to join so that most units keep their limits at the load.
 
@@ -279,7 +278,7 @@ class _AtLoad:
 
     lot: _PartsAtPlaces
     units: UnitsAtLoad
-    progress: Progress
+    progress: Progress | None
     base: Array = field(default_factory=lambda: np.empty(0))  #: (samples,): of a unit without errors, over the limits
     slope: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (components, samples): of units at random
 

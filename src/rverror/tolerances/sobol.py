@@ -18,6 +18,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array, Integers
 from rverror.base.chance import student
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, uniforms
 from rverror.tolerances.stacking import Stack
 
@@ -73,7 +74,7 @@ def sobol_indices(
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[SobolIndices | None, ...]:
     """Indices of any function of independent uniform variates.
 

@@ -6,7 +6,7 @@ Page ``theory/at-the-load.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.tolerances.allocation_result import Allocation, Kind, described
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
 from rverror.tolerances.cost import CostModel
@@ -63,7 +64,7 @@ class WidthSearch:
     sample: int
     verify: int
     seed: int
-    progress: Callable[[str], None]
+    progress: Progress
 
     def __post_init__(self) -> None:
         """Draw the sample, and see how many bad units a verification may have."""

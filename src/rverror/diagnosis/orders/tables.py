@@ -12,6 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.diagnosis.gears.account import elastic_within, estimated, printed
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
@@ -32,7 +33,6 @@ from rverror.diagnosis.result import (
     ElasticEstimate,
     Line,
     OrderShare,
-    Progress,
     Residual,
 )
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior

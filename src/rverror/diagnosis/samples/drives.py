@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, renoised, under
@@ -23,7 +24,7 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Addition, Diagnosis, Progress, Trace
+from rverror.diagnosis.result import Addition, Diagnosis, Trace
 from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
 from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
