@@ -18,8 +18,8 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.parts.measured import MeasuredPart, Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.tolerances.blocks import Component
 from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits
+from rverror.tolerances.sampling_rule import Component
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 

@@ -135,11 +135,11 @@ def cost_front(
     >>> import numpy as np
     >>> from rverror.tolerances.cost import Choice, Reciprocal
     >>> from rverror.tolerances.distribution import Uniform
-    >>> from rverror.tolerances.blocks import Block
+    >>> from rverror.tolerances.sampling_rule import SamplingRule
     >>> waves = np.array([[1.0, -1.0], [0.5, -0.5]])
-    >>> blocks = tuple(Block(e, e, 1, 1, Uniform()) for e in range(2))
+    >>> rules = tuple(SamplingRule(e, e, 1, 1, Uniform()) for e in range(2))
     >>> choices = (Choice(Reciprocal(1.0, 1.0)),) * 2
-    >>> laid = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), blocks, choices=choices)
+    >>> laid = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), rules, choices=choices)
     >>> (point,) = cost_front(laid, [2.0], kind="worst")
     >>> [round(width, 6) for width in point.allocation.widths]  # as 1 : sqrt(2), 2 a + b = 2
     [0.585786, 0.828427]

@@ -367,7 +367,7 @@ def _digest(stack: Stack, job: _Chunks) -> str:
     """Beginning of the SHA-256 of all that the numbers depend on."""
     tied = () if stack.dependence is None else (stack.dependence.factor, stack.dependence.between)
     classes = () if stack.dependence is None else stack.dependence.classes
-    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, stack.blocks, classes)
+    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, stack.rules, classes)
     sha = hashlib.sha256(repr(said).encode())
     for array in (stack.nominal, stack.influence, stack.entry, stack.width, *tied):
         sha.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())

@@ -311,7 +311,7 @@ class WidthSearch:
 def idle_entries(stack: Stack) -> Flags:
     """Entries that make no wave in closed form, rounding apart."""
     waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
-    size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])
+    size = np.array([waves[rule.components].max(initial=0.0) for rule in stack.rules])
     return np.asarray(size <= _IDLE * size.max())
 
 
