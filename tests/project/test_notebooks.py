@@ -563,10 +563,10 @@ def table_to_names(p: Played, says: Prose) -> None:
         "that lags behind its torque."
     )
     assert laws[3].loads.relation == "opposite"
-    assert not any(law.constant.told for law in laws[3].laws)
+    assert not any(law.constant.significant for law in laws[3].laws)
     says("Order 7 has both, and its load part is alike in both directions")
     assert laws[7].loads.relation == "alike"
-    assert all(law.constant.told and law.slope.told for law in laws[7].laws)
+    assert all(law.constant.significant and law.slope.significant for law in laws[7].laws)
     says("The other orders are no more than the noise")
     for order, one in laws.items():
         assert (order in (1, 16, 3, 7)) == ("no part of it is told from the noise" not in one.kinds)

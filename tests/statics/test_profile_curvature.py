@@ -127,6 +127,6 @@ def test_runs_tell_how_far_pins_follow_their_profiles(share: float) -> None:
     assumed = replace(UNIT, contact_law=ContactLaw(profile_curvature=1.0 - share))
     fit = fitted(begin(rverror.Model(assumed, (wave,)), runs_of(rverror.Model(true, (wave,)))), steps=30)
     (found,) = [one for one in elastic_within(fit, half_widths(fit)) if one.name == "profile_curvature"]
-    assert found.told
+    assert found.determined
     assert found.low <= share <= found.high
     assert not found.low <= 1.0 - share <= found.high

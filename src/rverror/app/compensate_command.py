@@ -30,7 +30,7 @@ from rverror.base.numbers import with_unit
 from rverror.compensation.making import compensate
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.over_conditions import LEAST_CONDITIONS
-from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_told
+from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_sentences
 from rverror.diagnosis.loop import diagnose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compensation import WAVE
@@ -91,7 +91,7 @@ def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[
     table = save_compensation(
         options.output, made, format=options.format, torque=torques[0] if torques else None, overwrite=options.force
     )
-    for line in table_told(table):
+    for line in table_sentences(table):
         print(f"  {line}")
     tell(f"wrote {options.output}")
     return table

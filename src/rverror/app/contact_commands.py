@@ -85,8 +85,8 @@ _OF_FRICTION = {"model": option("MODEL.toml", "with [reducer.friction]", reads=T
 
 
 def _angles(count: int) -> dict[str, Any]:
-    told = f"number of output angles, spread over a turn (default {count})"
-    return {"--count": number(told, least=1, default=count)}
+    help_text = f"number of output angles, spread over a turn (default {count})"
+    return {"--count": number(help_text, least=1, default=count)}
 
 
 @command(

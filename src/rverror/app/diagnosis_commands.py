@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
+from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, one_line
 from rverror.app.terminal import (
     MAPPING,
     MODEL,
@@ -113,7 +113,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         )
     tell(*batch.notes)
     for outcome in batch.outcomes:
-        (tell if outcome.state == "failed" else print)(told(outcome))
+        (tell if outcome.state == "failed" else print)(one_line(outcome))
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
     overview = Path(options.output) / (OVERVIEW if options.pages else SUMMARY)
     print(f"{len(batch.outcomes)} units: {counts}; see {overview}")

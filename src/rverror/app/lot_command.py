@@ -100,11 +100,11 @@ def _lot(options: argparse.Namespace) -> None:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
-            told: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
+            result: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
         else:
             found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-            told = _diagnosed(found, inputs, options.diagnose, progress)
-    _write(told, options)
+            result = _diagnosed(found, inputs, options.diagnose, progress)
+    _write(result, options)
 
 
 def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: ProgressLine) -> Lot:

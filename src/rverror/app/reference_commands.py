@@ -77,8 +77,8 @@ def _compare(options: argparse.Namespace) -> None:
 
     Compares a waveform from another tool with a reference case and lists how far it is off, in total and by order.
     """
-    told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
-    options.inputs[1:1] = [str(told), str(told.with_name("case.npz"))]
+    case_file = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
+    options.inputs[1:1] = [str(case_file), str(case_file.with_name("case.npz"))]
     check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None

@@ -375,8 +375,8 @@ def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str
 
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
     """Option that gives a load over the angle."""
-    told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
-    return {"--arm": option(f'"{_ARM}"', told)}
+    help_text = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
+    return {"--arm": option(f'"{_ARM}"', help_text)}
 
 
 def arm(text: str) -> GravityArm:

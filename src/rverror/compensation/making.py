@@ -279,10 +279,10 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
         sides.append(_side(own))
         for condition in asked:
             orders, waves = sides[-1].waves(condition)
-            told, model_waves = predicted.waves(condition)
-            sides[-1].words.update({k: "predicted" for k in told.tolist() if k not in sides[-1].words})
-            every = np.union1d(orders, told)
-            total = waves_at(every, orders, waves) + waves_at(every, told, model_waves)
+            model_orders, model_waves = predicted.waves(condition)
+            sides[-1].words.update({k: "predicted" for k in model_orders.tolist() if k not in sides[-1].words})
+            every = np.union1d(orders, model_orders)
+            total = waves_at(every, orders, waves) + waves_at(every, model_orders, model_waves)
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
     model = predicted.model
     correction = Correction(model.mechanism.ratio, OrderTable(cases=tuple(cases)), _reach(data))
@@ -429,22 +429,24 @@ def _listed(
 
 def _stays(data: _Data, taken: set[float], after: HeldError) -> tuple[str, ...]:
     """What stays, and why."""
-    told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
+    reasons = [
+        f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"
+    ]
     if not taken and data.records:
         count = max(record.candidates.size for record in data.records)
-        told.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
+        reasons.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
     if not taken and data.tables:
-        told.append("no order has a law over the conditions that predicts those left out")
+        reasons.append("no order has a law over the conditions that predicts those left out")
     known = {k for case, _ in data.tables for k in case.orders.tolist()}
     if lost := sorted(known - taken):
-        told.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
+        reasons.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
     if known:
-        told.append("orders that the table does not hold: nothing is known of them")
+        reasons.append("orders that the table does not hold: nothing is known of them")
     if folded := {brief(k) for record in data.records for k in record.folded}:
         images = ", ".join(sorted(folded)[:_MOST_LISTED])
-        told.append(f"orders {images}: the mesh orders of the gears fold onto them; measure more samples a turn")
-    told.append("windup and play: a constant for each direction and load, which a run does not tell from its offset")
-    return tuple(told)
+        reasons.append(f"orders {images}: the mesh orders of the gears fold onto them; measure more samples a turn")
+    reasons.append("windup and play: a constant for each direction and load, which a run does not tell from its offset")
+    return tuple(reasons)
 
 
 # --- data that no fit saw ---------------------------------------------------------------------------------------------

@@ -383,19 +383,19 @@ def _triplets(lines: list[str], delimiter: str | None) -> Array:
     return np.radians(rows).T
 
 
-def table_told(table: WrittenTable) -> list[str]:
+def table_sentences(table: WrittenTable) -> list[str]:
     """What the form of a table costs, in lines."""
     load = "" if table.torque is None else f" at {units.to_display(table.torque, 'torque'):g} N*m"
-    told = []
+    lines = []
     if table.points:
-        told.append(
+        lines.append(
             f"table{load} of {table.points} points: straight lines between them leave "
             f"{brief(table.between / ARCSEC, 2)} arcsec rms; {brief(table.expected / ARCSEC, 3)} are expected with it"
         )
-    told.append(
+    lines.append(
         f"a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "
         f"{brief(table.waves / ARCSEC, 3)} that the table takes off"
     )
     if table.left_out:
-        told.append(f"orders {', '.join(map(brief, table.left_out))} stay: a {table.format} table cannot hold them")
-    return told
+        lines.append(f"orders {', '.join(map(brief, table.left_out))} stay: a {table.format} table cannot hold them")
+    return lines

@@ -57,7 +57,9 @@ def kinds_of(
     """
 
     def shows(parts: Sequence[WavePart | None], span: float = 1.0) -> bool:
-        return any(part is not None and part.told and part.amplitude * span >= NAMED * amplitude for part in parts)
+        return any(
+            part is not None and part.significant and part.amplitude * span >= NAMED * amplitude for part in parts
+        )
 
     found = []
     chain = f"the measuring chain (how the {shaft}'s encoder or coupling sits) or " if shaft else ""

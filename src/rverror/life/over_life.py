@@ -78,7 +78,7 @@ def trend(
     _check_limit(limit, history)
     search, found = searched(model, sessions, history, tell)
     history = search.unit.history
-    changed = told(search, found)
+    changed = changes_found(search, found)
     waves = history.amplitudes.waves(history.amplitudes.values, _WAVES)
     made = made_by(search, found)
     lost, explained = _lost_motions(history, made)
@@ -130,7 +130,7 @@ def made_by(search: GrowthSearch, found: Fitted) -> Array:
     return unit.with_changes(some)[back] - unit.amplitudes
 
 
-def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
+def changes_found(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
     """Causes of a fitted set with their intervals and rivals, the most evident first."""
     changed = []
     for number, term in enumerate(found.terms):

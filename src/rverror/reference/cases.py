@@ -337,13 +337,13 @@ def _waveform_json(error: Array | None) -> dict[str, Any]:
     if error is None:
         return {"offset_arcsec": None, "rms_arcsec": None, "peak_to_peak_arcsec": None, "orders": []}
     waves = waves_of(error)
-    told = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
+    leading = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
     least = max(LEAST, _SHARE * float(np.abs(waves).max()))
     return {
         "offset_arcsec": in_arcsec(float(error.mean()), DIGITS),
         "rms_arcsec": in_arcsec(rms_of(about_mean(error)), DIGITS),
         "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error)), DIGITS),
-        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
+        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in leading if abs(waves[i]) >= least],
     }
 
 

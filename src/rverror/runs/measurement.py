@@ -433,7 +433,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
 
 def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run:
     reading, direction = checked(reading, None if ratio is None else ratio_of(ratio))
-    torque, column, told = _torque(reading)
+    torque, column, notes = _torque(reading)
     run = Run(
         path=reading.path,
         input_angle=reading.columns.get("input_angle"),
@@ -447,7 +447,7 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
         temperature=reading.value("temperature"),
         index=reading.index,
         metadata=reading.metadata,
-        notes=(*reading.notes, *told),
+        notes=(*reading.notes, *notes),
     )
     if ratio is not None:
         run.nominal_angle(ratio)  # refuses a ratio that contradicts the angles

@@ -31,8 +31,8 @@ _NO_SHARE = 0.005  # percent, below which a share is told as none
 
 def table(result: Any) -> Table:
     """Description of a result as variables along named dimensions."""
-    told = described(result)
-    return replace(told, kind=told.kind or type(result).__name__, rows=told.rows or told.dims[0])
+    made = described(result)
+    return replace(made, kind=made.kind or type(result).__name__, rows=made.rows or made.dims[0])
 
 
 @singledispatch
@@ -60,7 +60,7 @@ def entries(result: Any, /) -> dict[str, Any]:
     return {}
 
 
-def content_of(told: Table) -> dict[str, Any]:
+def content_of(result_table: Table) -> dict[str, Any]:
     """Plain data of a table: each variable with its dimensions, unit and values."""
     variables = {
         name: {
@@ -68,9 +68,9 @@ def content_of(told: Table) -> dict[str, Any]:
             "units": variable.units_shown(),
             "values": _plain(variable.shown(display=True).tolist()),
         }
-        for name, variable in told.variables.items()
+        for name, variable in result_table.variables.items()
     }
-    return {**_plain(dict(told.about)), "variables": variables, "result": told.kind}
+    return {**_plain(dict(result_table.about)), "variables": variables, "result": result_table.kind}
 
 
 def _plain(value: Any) -> Any:
@@ -85,41 +85,41 @@ def _plain(value: Any) -> Any:
 # --- a report of a table ----------------------------------------------------------------------------------------------
 
 
-def sheet_of(told: Table) -> Sheet:
+def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
-    strong, rest = told.verdict
-    others = [dim for dim in told.dims if dim != told.rows and dim not in LONG]
+    strong, rest = result_table.verdict
+    others = [dim for dim in result_table.dims if dim != result_table.rows and dim not in LONG]
     headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
-        *title(kind_in_words(told), *told.title),
+        *title(kind_in_words(result_table), *result_table.title),
         *((Sentence(rest, strong),) if strong else ()),
-        *facts({**_single_numbers(told), **told.facts}),
-        *listed(told, told.rows),
-        *map(Sentence, told.sentences),
+        *facts({**_single_numbers(result_table), **result_table.facts}),
+        *listed(result_table, result_table.rows),
+        *map(Sentence, result_table.sentences),
     )
-    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(told, dim)))
+    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(result_table, dim)))
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
-        *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
+        *notes([note for note in str(result_table.about.get("notes", "")).split("\n") if note]),
     )
 
 
-def _single_numbers(told: Table) -> dict[str, str]:
+def _single_numbers(result_table: Table) -> dict[str, str]:
     """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
-    shown = {name: of.shown(display=True).item() for name, of in told.variables.items() if not of.dims}
+    shown = {name: of.shown(display=True).item() for name, of in result_table.variables.items() if not of.dims}
     facts_of = {}
     for name, value in shown.items():
         base = name.removesuffix("_value")
         ends = [shown[f"{base}_{end}"] for end in ("low", "high") if f"{base}_{end}" in shown]
-        unit = unit_for_people(told.variables[name].unit_text(display=True))
+        unit = unit_for_people(result_table.variables[name].unit_text(display=True))
         if not name.endswith(("_low", "_high")):
             facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
     return facts_of
 
 
-def kind_in_words(told: Table) -> str:
+def kind_in_words(result_table: Table) -> str:
     """Kind of a result as people read it.
 
     Examples
@@ -127,14 +127,14 @@ def kind_in_words(told: Table) -> str:
     >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
-    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", told.kind).capitalize()
+    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize()
 
 
-def listed(told: Table, dim: str) -> Sheet:
+def listed(result_table: Table, dim: str) -> Sheet:
     """Columns of the rows along a dimension under their names and units, the ends of an interval as one."""
-    if dim not in told.dims:
+    if dim not in result_table.dims:
         return ()
-    arrays, units = columns_along(told, rows=dim, display=True)
+    arrays, units = columns_along(result_table, rows=dim, display=True)
     if set(arrays) <= {dim}:
         return ()
     for own in set(arrays) - set(units):  # units of the rows
@@ -143,7 +143,7 @@ def listed(told: Table, dim: str) -> Sheet:
         if units.get(name) == PERCENT.shown:
             arrays[name] = np.where(np.abs(arrays[name]) < _NO_SHARE, 0.0, arrays[name])
     columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
-    chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
+    chosen = [name for name in result_table.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
     count = len(columns[chosen[0]]) if chosen else 0
     places = list(range(count))
     if dim in _COURSES and count > _SOME:

@@ -130,7 +130,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             ("elastic_unit", "dimension"),
             name=None,
             **alike(OWN, "declared", "value", "low", "high"),
-            told=None,
+            told="determined",
         ),
         **passports(result.passport, bench),
         **resonances(result.resonances),
@@ -139,12 +139,12 @@ def _diagnosis_table(result: Diagnosis) -> Table:
         **_angles_of(result, "set_aside", "set_aside"),
         **_angles_of(result, "slip", "slips"),
     }
-    told = {"model": name_of(result.declared), "candidates_tried": result.tried}
-    told |= about(result, "verdict", "quantity", "notes")
+    about_it = {"model": name_of(result.declared), "candidates_tried": result.tried}
+    about_it |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
     return Table(
         variables,
-        told,
+        about_it,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
         shown={
             "added": ("effect", "parameter", "value", "interval", "unit"),
@@ -260,12 +260,12 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
     signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
-    told = content_of(table(diagnosis))
-    variables = {name: of for name, of in told["variables"].items() if of["dimensions"] != ["sample"]}
+    own = content_of(table(diagnosis))
+    variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = alike(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.told)}
+    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.determined)}
     return {
-        **told,
+        **own,
         "variables": variables,
         "notes": list(diagnosis.notes),
         **signal.of(diagnosis, "noise_rms"),
@@ -330,40 +330,42 @@ def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    told, bench = table(diagnosis), stated_bench(diagnosis)
+    own_table, bench = table(diagnosis), stated_bench(diagnosis)
     kinds = kinds_of_causes(diagnosis.passport)
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
     return (
         *title("Diagnosis", name_of(diagnosis.declared)),
         _verdict(diagnosis),
-        *listed(told, "stage"),
+        *listed(own_table, "stage"),
         *line(_credit(diagnosis)),
-        *listed(told, "added"),
+        *listed(own_table, "added"),
         *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
         *_steps(diagnosis),
         *section(
             "Lines that no source of the catalogue explains",
-            *listed(told, "unexplained"),
+            *listed(own_table, "unexplained"),
             *line(own if diagnosis.unexplained else ""),
         ),
-        *section("Measurements that no fit saw", *listed(told, "unseen")),
+        *section("Measurements that no fit saw", *listed(own_table, "unseen")),
         *section(
             "Orders over load, speed and temperature",
             *(
-                (*listed(told, "passport"), *listed(told, "law"), *map(Sentence, kinds))
+                (*listed(own_table, "passport"), *listed(own_table, "law"), *map(Sentence, kinds))
                 if _tells_loads(diagnosis)
                 else ()
             ),
         ),
         *section(
             "Natural frequencies that orders show over the speed",
-            *listed(told, "resonance"),
-            *listed(told, "peak"),
+            *listed(own_table, "resonance"),
+            *listed(own_table, "peak"),
             *line(alone(diagnosis.resonances)),
         ),
-        *section("What accounts for the power of each order", *listed(told, "share")),
-        *section("Stiffness, backlash and contact law", *listed(told, "elastic"), *line(_not_determined(diagnosis))),
-        *section("What was declared", *listed(told, "declared"), *listed(told, "run")),
+        *section("What accounts for the power of each order", *listed(own_table, "share")),
+        *section(
+            "Stiffness, backlash and contact law", *listed(own_table, "elastic"), *line(_not_determined(diagnosis))
+        ),
+        *section("What was declared", *listed(own_table, "declared"), *listed(own_table, "run")),
         *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.shares)),
         *notes(diagnosis.notes),
     )
@@ -464,5 +466,5 @@ def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
 
 def _not_determined(diagnosis: Diagnosis) -> str:
     """What the runs do not say of stiffness, backlash and contact law."""
-    rest = ", ".join(one.name for one in diagnosis.elastic if not one.told)
+    rest = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
     return f"These runs do not determine {rest}." if rest else ""

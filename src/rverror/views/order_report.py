@@ -32,7 +32,7 @@ _PARTS = (
 
 def _phase(part: WavePart | None) -> float:
     """Phase of a part, rad; not a number where its disc holds zero."""
-    return float(np.angle(part.value)) if part is not None and part.told else math.nan
+    return float(np.angle(part.value)) if part is not None and part.significant else math.nan
 
 
 def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = None) -> dict[str, Variable]:

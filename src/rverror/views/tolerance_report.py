@@ -68,18 +68,18 @@ def yield_words(found: Verified) -> tuple[str, ...]:
     """Yield of all limits together, how many units were solved, and what the quantiles are of."""
     share, low, high = (100 * one for one in (found.together, *found.together_interval))
     limited = [one for one in found.limits if one.limit.value is not None]
-    told = []
+    sentences = []
     if len(limited) > 1:
-        told.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
+        sentences.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
     if found.failures:
-        told.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
+        sentences.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
     first = found.limits[0]
-    told.append(
+    sentences.append(
         f"At the load: {first.units} units drawn afresh, seed {found.seed}, solved by the equilibrium, contacts that "
         f"open included; interval: {100 * first.confidence:g} %. A quantile far within the limit may not be known; P99 "
         "of a stiffness is what 99 % of the units do not fall below."
     )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
@@ -183,17 +183,17 @@ def _sentences(found: Allocation) -> tuple[str, ...]:
     """What is limited, what the rates are, how good the widths are."""
     check, loaded = found.closed_form, found.verified
     limits = "all limits" if found.kind == "load" else "the limit"
-    told = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
+    sentences = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
     if found.shadow_price is not None:
-        told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+        sentences.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
     if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
-        told.append("Where infinitely much is saved, the width does not matter.")
-    told += yield_words(loaded) if loaded else ()
-    told.append(
+        sentences.append("Where infinitely much is saved, the width does not matter.")
+    sentences += yield_words(loaded) if loaded else ()
+    sentences.append(
         f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
         f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
     )
-    return tuple(told)
+    return tuple(sentences)
 
 
 @entries.register
@@ -315,8 +315,8 @@ def _counts(closed: Budget) -> str:
 def _quiet(closed: Budget) -> tuple[str, ...]:
     """What makes no wave."""
     quiet = ", ".join(one.label for one in closed.contributions if one.effect != "wave")
-    told = f"In closed form these change the offset of the output angle alone, or nothing: {quiet}."
-    return (told,) if quiet else ()
+    sentence = f"In closed form these change the offset of the output angle alone, or nothing: {quiet}."
+    return (sentence,) if quiet else ()
 
 
 # --- of virtual units -------------------------------------------------------------------------------------------------
@@ -334,10 +334,10 @@ def _units_table(result: VirtualUnits) -> Table:
 
 @described.register
 def _error_budget_table(result: ErrorBudget) -> Table:
-    return _told(result, None)
+    return _table_with_yield(result, None)
 
 
-def _told(result: ErrorBudget, limit: Any | None) -> Table:
+def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
     """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
     closed, drawn, loaded = result.closed, result.units, result.at_load
     order = _order(closed)
@@ -420,7 +420,7 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
 
 @sheet.register
 def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
-    return sheet_of(_told(thing, limit))
+    return sheet_of(_table_with_yield(thing, limit))
 
 
 @entries.register

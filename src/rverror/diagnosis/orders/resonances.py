@@ -293,8 +293,8 @@ def _follows(series: ResonantSeries, natural: float, damping: float, policy: Pol
     with_it = _left(series.beside, series.waves, rows)[0] + _floor(series, policy)
     plain, smooth = (_left(series.smooth(degree), series.waves)[0] + _floor(series, policy) for degree in (0, 2))
     spare = series.speed.size - series.beside.shape[1] - 1
-    told = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
-    return bool(told and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
+    significant = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
+    return bool(significant and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
 
 
 def _likelier(

@@ -319,15 +319,15 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
                 rms = float(np.sqrt(np.mean(np.abs(np.concatenate([waves for _, waves in series])) ** 2)))
                 guessed[order] = max(_GUESSED * rms, _LEAST_GUESS)
     notes = []
-    for told, how in (
+    for sigmas, how in (
         (found, "taken from how smoothly each order changes over the load"),
         (guessed, f"too few loads to tell it from: guessed as {100 * _GUESSED:g} % of each order"),
     ):
-        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in told.items())
-        notes += [f"the table states no sigma; {how}, {listed} arcsec"] if told else []
-    told = found | guessed
+        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in sigmas.items())
+        notes += [f"the table states no sigma; {how}, {listed} arcsec"] if sigmas else []
+    sigmas = found | guessed
     own = [
-        np.array([told[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
+        np.array([sigmas[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
         for case in cases
     ]
     return [np.tile(np.hypot(sigma, floor), 2) for sigma in own], notes

@@ -205,7 +205,7 @@ def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Po
     return sorted(found, key=lambda name: source(name[0]).acts == "reading")
 
 
-def told_apart(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
+def distinguishable(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
     """Candidates without those that make the waves of one before them, or no more than a slope.
 
     Parameters

@@ -25,7 +25,7 @@ from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition, Diagnosis, Trace
-from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
+from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, distinguishable, drive_set, less
 from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
@@ -83,7 +83,7 @@ def diagnose_drive(
     run_set = drive_set(declared, records, policy, candidates)
     root = fitted(evaluated(calm(run_set), declared, declared))
     turns = max(record.turns for record in records)
-    search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
+    search = DriveSearch(root, distinguishable(model.mechanism, candidates, turns, policy), policy, journal)
     last, best, _ = renewed(search, stilled)
     for name in candidates:
         if identity(name) not in {named(e) for e in best.fit.added}:

@@ -141,11 +141,11 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         known = one.values[np.isfinite(one.values)]
         used = 100 * np.sort(one.limit.turned(known) / one.limit.turned(reference))
         share = 100 * np.arange(1, used.size + 1) / used.size
-        told_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
+        known_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
         ends = " to ".join(f"{100 * end:.4g}" for end in one.interval)
-        told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {ends}"
-        label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
-        ax.plot(used[used >= told_from], share[used >= told_from], label=label, **style.line_style(number))
+        passing = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {ends}"
+        label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{passing}"
+        ax.plot(used[used >= known_from], share[used >= known_from], label=label, **style.line_style(number))
     ax.axvline(100, color=_LIMIT, lw=0.8)
     return labelled(
         ax,

@@ -176,12 +176,12 @@ def stated(unit: Any = None, *, torque: Any = None, direction: Any = None) -> li
     """
     name = getattr(unit, "name", "") or getattr(getattr(unit, "mechanism", None), "name", "")
     if np.ndim(torque):
-        told = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
+        words = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
     else:
-        told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
+        words = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
-        told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
-    return [plain(name), *told] if name else told
+        words.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
+    return [plain(name), *words] if name else words
 
 
 def letters(ax: Axes, size: float | str) -> int:
@@ -313,8 +313,8 @@ def legend_beside(ax: Axes, *, title: str | None = None) -> None:
 def _legend(ax: Axes, room: int, **options: Any) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if handles:
-        told = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
-        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
+        wrapped = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
+        ax.legend(handles, wrapped, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:

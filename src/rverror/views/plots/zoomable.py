@@ -91,10 +91,10 @@ def _data(figure: Figure, number: int) -> str:
     made = renderer.finished_figures[0][1]
     for axis in (axis for axes in made["axes"] for axis in axes["axes"]):
         axis |= {"tickformat_formatter": "str_method", "tickformat": _TICKS}
-    told = json.dumps(made, default=float)
+    text = json.dumps(made, default=float)
     names, numbers = dict[str, str](), count()
-    told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
+    text = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), text)
     # JSON has no NaN: as a word it is none to a line either, which has a gap there
-    brief = json.loads(told, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}"), parse_constant=str)
-    told = json.dumps(brief, allow_nan=False)
-    return '<script type="application/json">' + told.replace("<", "\\u003c") + "</script>"
+    brief = json.loads(text, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}"), parse_constant=str)
+    text = json.dumps(brief, allow_nan=False)
+    return '<script type="application/json">' + text.replace("<", "\\u003c") + "</script>"
