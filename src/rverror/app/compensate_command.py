@@ -101,8 +101,8 @@ def _with_causes(
     model: Model, runs: Sequence[Run | OrderTable], unseen: Sequence[Run | OrderTable], torques: Sequence[float]
 ) -> Model:
     """The model, with causes looked for where a load is asked for of which orders alone say nothing."""
-    measured, asked = _loads(runs), [*_loads(unseen), *torques]
-    new = sorted({load for load in asked if load not in measured})
+    measured, targets = _loads(runs), [*_loads(unseen), *torques]
+    new = sorted({load for load in targets if load not in measured})
     if len(measured) >= LEAST_CONDITIONS:
         new = [load for load in new if not min(measured) <= load <= max(measured)]
     if not new or not measured or not isinstance(model.mechanism, Reducer):

@@ -205,10 +205,10 @@ def _allocated_in_closed_form(
         seed=options.seed,
         progress=progress,
     )
-    asked = front[factors.index(1.0)]
-    if asked.allocation is None:
-        raise InputError(asked.reason)
-    return asked.allocation, front
+    at_limit = front[factors.index(1.0)]
+    if at_limit.allocation is None:
+        raise InputError(at_limit.reason)
+    return at_limit.allocation, front
 
 
 def _given(options: argparse.Namespace, name: str) -> bool:

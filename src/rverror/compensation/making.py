@@ -176,7 +176,7 @@ def compensate(
     if not runs:
         raise InputError("compensate: there is no run; give one or more")
     index = _one_zero([*runs, *unseen])
-    asked = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
+    loads = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
     notes: list[str] = []
     predicted = PredictedWaves(model, notes, marked=index != "unknown")
     data = _gathered(predicted, runs, notes)
@@ -184,7 +184,7 @@ def compensate(
         predicted = PredictedWaves(replace(model, effects=predicted.passive), notes, marked=False)
         data = _gathered(predicted, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
-    made = _made(predicted, data, _wanted(model, data, unseen, asked), notes)
+    made = _made(predicted, data, _wanted(model, data, unseen, loads), notes)
     tested = [_tested(predicted, made.correction, one) for one in unseen]
     return replace(
         made,
@@ -274,10 +274,10 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
             notes.append(f"no {way(sense)} run: nothing is corrected in that direction")
             continue
         measured = [row.condition for row in own]
-        asked = list(dict.fromkeys([*measured, *(c for c in wanted if c.direction == sense)]))
-        notes += _outside(measured, asked, bool(predicted.corrected))
+        targets = list(dict.fromkeys([*measured, *(c for c in wanted if c.direction == sense)]))
+        notes += _outside(measured, targets, bool(predicted.corrected))
         sides.append(_side(own))
-        for condition in asked:
+        for condition in targets:
             orders, waves = sides[-1].waves(condition)
             model_orders, model_waves = predicted.waves(condition)
             sides[-1].words.update({k: "predicted" for k in model_orders.tolist() if k not in sides[-1].words})
@@ -360,7 +360,7 @@ def _side(own: Sequence[OrderCase]) -> _Side:
     )
 
 
-def _outside(measured: Sequence[TableCondition], asked: Sequence[TableCondition], named: bool) -> list[str]:
+def _outside(measured: Sequence[TableCondition], targets: Sequence[TableCondition], named: bool) -> list[str]:
     """Warnings of conditions outside of what was measured."""
     notes = []
     for name, dimension in VARIABLES.items():
@@ -368,7 +368,7 @@ def _outside(measured: Sequence[TableCondition], asked: Sequence[TableCondition]
         if not known:
             continue
         low, high = min(known), max(known)
-        values = {v for c in asked if (v := getattr(c, name)) is not None}
+        values = {v for c in targets if (v := getattr(c, name)) is not None}
         beyond = sorted(v for v in values if not low * (1 - 1e-6) <= v <= high * (1 + 1e-6))
         held = "waves are taken as at the nearest that was"
         if named and name == "torque":

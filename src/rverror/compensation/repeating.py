@@ -141,10 +141,10 @@ class RepeatingOrders:
 
 
 #: What a model makes of the error under conditions, and what of that no table can take, rad.
-Foretells = Callable[[Conditions, TableCondition], tuple[Array, Array]]
+PredictsWaves = Callable[[Conditions, TableCondition], tuple[Array, Array]]
 
 
-def records_of(run: Run, model: Model, predicts: Foretells, notes: list[str]) -> list[DirectedRun]:
+def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]) -> list[DirectedRun]:
     """One for each direction of a run.
 
     Parameters

@@ -134,7 +134,7 @@ class Forced:
         system, m = self.oscillator, self.oscillator.size
         rows = np.ascontiguousarray(np.moveaxis(self._rows.c, 0, -1))
 
-        def asked(time: float, state: Array) -> Array:
+        def derivative(time: float, state: Array) -> Array:
             found = np.empty_like(state)
             rates(state, *course(time), rows, system.period, system.centrifugal, system.turning, found)
             return found
@@ -143,7 +143,7 @@ class Forced:
         # what a coordinate is driven to is the measure of what counts
         scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
         found = scipy.integrate.solve_ivp(
-            asked,
+            derivative,
             (times[0], times[-1]),
             first,
             "DOP853",

@@ -168,11 +168,11 @@ class UnitWaves:
         for start in range(1, starts):
             if progress is not None:
                 progress(f"assemblies: start {start + 1} of {starts}")
-            begun = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
+            initial = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
             for pair in alike:
-                some = rng.random(len(begun.part)) < 0.5
-                begun.part[:, pair] = np.where(some[:, None], begun.part[:, pair[::-1]], begun.part[:, pair])
-            found = self._descended(begun)
+                some = rng.random(len(initial.part)) < 0.5
+                initial.part[:, pair] = np.where(some[:, None], initial.part[:, pair[::-1]], initial.part[:, pair])
+            found = self._descended(initial)
             best = found if self._total(found) < self._total(best) else best
         return best
 

@@ -95,7 +95,7 @@ class WidthSearch:
         """Widths of least cost that fresh units verify."""
         given = self._local(self.costs.given, "the widths as given", self.few)
         value, (slope, _) = given.measure(self.costs.given)
-        found = self._begun()
+        found = self._first_found()
         found, local = self._settled(found, self._local(found.widths, "the first widths", self.few), rounds=_ROUNDS)
         if self.few < self.sample:
             found, local = self._settled(found, self._local(found.widths, "all units", self.sample), rounds=2)
@@ -135,7 +135,7 @@ class WidthSearch:
             seed=self.seed,
         )
 
-    def _begun(self) -> Found:
+    def _first_found(self) -> Found:
         """Widths of the closed form; those as given where it knows none of the limits, or cannot meet them."""
         stack, given = self.units.stack, self.costs.given
         grades = tuple(

@@ -31,7 +31,7 @@ def samples_per_turn(diagnosis: Diagnosis) -> float:
     return min(float(trace.theta.size / turns_of(trace.theta)) for trace in diagnosis.traces)
 
 
-def beside(mechanism: Mechanism, order: float) -> tuple[str, ...]:
+def sideband_frames(mechanism: Mechanism, order: float) -> tuple[str, ...]:
     """Frames of which an order that fits none is a sideband, once or twice an output turn away.
 
     Parameters

@@ -20,9 +20,9 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
-from rverror.views.by_order import beside, samples_per_turn, turns_of
+from rverror.views.by_order import samples_per_turn, sideband_frames, turns_of
 from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
-from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, value_at
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
@@ -105,19 +105,19 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
-    shares = alike(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
+    shares = same_unit(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
     variables = {
         **_added(result, signal),
-        **rows("stage", _stages(result, bench), stage="0", **alike(signal, *_RESIDUAL, within="1.")),
+        **rows("stage", _stages(result, bench), stage="0", **same_unit(signal, *_RESIDUAL, within="1.")),
         **arrays("", result, noise_rms=signal),
         **rows(
             "unexplained",
             result.unexplained,
             "unexplained_",
             order=NUMBER,
-            **alike(signal, "amplitude", "low", "high", "cos", "sin"),
+            **same_unit(signal, "amplitude", "low", "high", "cos", "sin"),
             **of_orders(bench),
-            frames=lambda one: one.frames or beside(unit, one.order),
+            frames=lambda one: one.frames or sideband_frames(unit, one.order),
             alias_of=lambda one: _folds(one, result),
         ),
         **rows("unseen", result.validation, "unseen_", file=None, before=signal, after=signal, **of_rms),
@@ -129,7 +129,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             "elastic_",
             ("elastic_unit", "dimension"),
             name=None,
-            **alike(OWN, "declared", "value", "low", "high"),
+            **same_unit(OWN, "declared", "value", "low", "high"),
             told="determined",
         ),
         **passports(result.passport, bench),
@@ -176,7 +176,7 @@ def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
         key="1.effect.key",
         indices="1.effect.indices",
         parameter="2.name",
-        **alike(OWN, "value", "low", "high", within="2."),
+        **same_unit(OWN, "value", "low", "high", within="2."),
         orders="1.orders",
         heldout_rms=("1.heldout_rms", signal),
         indistinguishable_from=lambda row: "; ".join(describe(*one) for one in row[1].indistinguishable),
@@ -231,7 +231,7 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             samples_per_turn=(lambda one: one.theta.size / turns_of(one.theta) if sampled else None, NUMBER),
         ),
         **arrays("sample", number, "sample_", run=("", NUMBER)),
-        **arrays("sample", joined, "sample_", **(alike(signal, *joined) | {"theta": POSITION})),
+        **arrays("sample", joined, "sample_", **(same_unit(signal, *joined) | {"theta": POSITION})),
     }
 
 
@@ -262,7 +262,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
-    sizes = alike(OWN, "declared", "value", "low", "high")
+    sizes = same_unit(OWN, "declared", "value", "low", "high")
     stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.determined)}
     return {
         **own,

@@ -16,7 +16,7 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.views.describing import described, entries
-from rverror.views.fields import alike, arrays, rows
+from rverror.views.fields import arrays, rows, same_unit
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
@@ -186,7 +186,7 @@ def _run_up_table(result: RunUp) -> Table:
             time=TIME,
             theta=POSITION,
             speed=SPEED,
-            **alike(ANGLE, "transmission_error", "crawl", "windup", "vibration"),
+            **same_unit(ANGLE, "transmission_error", "crawl", "windup", "vibration"),
             output_torque=TORQUE,
         ),
         **_natural(result),

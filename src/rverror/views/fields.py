@@ -110,7 +110,7 @@ def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
     return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
 
 
-def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
+def same_unit(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
     """Fields of one unit, of the row itself or of a part of it."""
     return {name: (f"{within}{name}", unit) for name in names}
 

@@ -12,7 +12,7 @@ from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
 from rverror.views.describing import described, entries
-from rverror.views.fields import OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
+from rverror.views.fields import OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
 from rverror.views.variables import ANGLE, HOURS, NUMBER, Table, Unit, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
@@ -132,7 +132,11 @@ def _trend_content(result: Trend) -> dict[str, Any]:
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
     orders = [
         entry(
-            one, order=None, condition=None, **alike(ANGLE, "before", "after", "interval", "difference"), chance=NUMBER
+            one,
+            order=None,
+            condition=None,
+            **same_unit(ANGLE, "before", "after", "interval", "difference"),
+            chance=NUMBER,
         )
         for one in result.orders
     ]

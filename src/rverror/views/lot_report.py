@@ -19,7 +19,7 @@ from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
 from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import added_json
-from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
 _LACKING = 0.001  # chance below which the model lacks something
@@ -178,7 +178,7 @@ def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mea
 def _difference(row: tuple[Any, Shift], **before: Field) -> dict[str, Any]:
     """What has a systematic error, and the error."""
     difference, interval = ("1.size.value", OWN), ("1.size", OWN)
-    place = alike(None, "key", "indices", "parameter", within="1.")
+    place = same_unit(None, "key", "indices", "parameter", within="1.")
     return entry(row, row[1].dimension, **before, **place, difference=difference, interval=interval, unit=OWN_NAME)
 
 
@@ -187,7 +187,7 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
     parts: dict[tuple[Any, ...], list[Shift]] = {}
     for cause in causes:
         parts.setdefault(_place(cause.key, cause.indices, ""), []).append(cause)
-    sizes = alike(OWN, "value", "low", "high", within="size.")
+    sizes = same_unit(OWN, "value", "low", "high", within="size.")
     return [
         {
             "key": some[0].key,
@@ -267,7 +267,7 @@ def _size(one: Estimate) -> str:
 
 @described.register
 def _drive_lot_table(result: DriveLot) -> Table:
-    sizes = alike(ANGLE, "least", "median", "most")
+    sizes = same_unit(ANGLE, "least", "median", "most")
     own: dict[str, Field] = {"unit": "serial", "order": NUMBER, "distance": NUMBER, "chance": NUMBER, "condition": None}
     variables = {
         **rows("place", result.orders, order=NUMBER, chance=NUMBER, condition=None, **sizes, phase=POSITION),
@@ -279,7 +279,7 @@ def _drive_lot_table(result: DriveLot) -> Table:
             "pair_",
             one="serials.0",
             other="serials.1",
-            **alike(ANGLE, "difference", "usual"),
+            **same_unit(ANGLE, "difference", "usual"),
             chance=NUMBER,
         ),
         **arrays("unit", result, unit=lambda lot: list(lot.serials)),

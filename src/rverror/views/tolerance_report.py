@@ -23,7 +23,7 @@ from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
 from rverror.views.describing import described, entries, sheet, sheet_of
-from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, rows, sized
+from rverror.views.fields import COUNT, OWN, Field, arrays, entry, rows, same_unit, sized
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
 
@@ -163,7 +163,7 @@ def _allocation_table(result: Allocation) -> Table:
         ),
         **rows("tolerance", result.rates, **rates),
         **arrays("", result, limit=ANGLE, shadow_price=NUMBER, cost_scaled_alike=("uniform_cost", NUMBER)),
-        **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
+        **arrays("", result.closed_form, "closed_form_", **same_unit(ANGLE, "value", "low", "high")),
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
     binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
@@ -269,8 +269,8 @@ def _of_tolerances(closed: Budget) -> dict[str, Variable]:
         components=COUNT,
         mean_square=SQUARE,
         share=PERCENT,
-        **alike(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
-        **alike(ANGLE, "offset_deviation", "worst_offset"),
+        **same_unit(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
+        **same_unit(ANGLE, "offset_deviation", "worst_offset"),
         effect=None,
     )
 
@@ -279,8 +279,8 @@ def _of_angles(closed: Budget) -> dict[str, Variable]:
     """Waveforms of the error, and what the tolerances make together."""
     return {
         **arrays("theta", closed, theta=("theta", POSITION)),
-        **arrays("theta", closed, **alike(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
-        **arrays("theta", closed.worst, **alike(ANGLE, "lower", "upper")),
+        **arrays("theta", closed, **same_unit(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
+        **arrays("theta", closed.worst, **same_unit(ANGLE, "lower", "upper")),
         **arrays("", closed, root_sum_of_squares=("rss", ANGLE), expected_rms=("rms", ANGLE)),
         **arrays("", closed, standard_deviation_of_offset=("offset_deviation", ANGLE)),
     }

@@ -155,7 +155,7 @@ def test_one_load_that_is_astray_makes_no_claim() -> None:
     found = told(torsion_table(lambda d, t: 4 * d * (t > 200), (50, 150, 300)), TORSION)
     assert claims(found) == []
     (fate,) = [one for one in found.history if one.key == TORSION and one.indices == {"harmonic": 3}][:1]
-    assert (fate.fate, fate.why) == ("fell", "loads that its sizes did not see are foretold worse with it")
+    assert (fate.fate, fate.why) == ("fell", "loads that its sizes did not see are predicted worse with it")
     assert claims(told(torsion_table(lambda d, t: 4 * d * t / 300, (50, 150, 300)), TORSION)) == [TORSION]
 
 

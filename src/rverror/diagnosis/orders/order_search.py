@@ -3,7 +3,7 @@
 A table of a real unit is never explained to its noise, a fraction of an arcsecond.  What is left of an order has few
 independent values, of each direction a constant and a slope over the load, so that some sizes of a cause that is none
 take a good part of it.  A cause is therefore made a claim only where it is significant, takes half of what is left of
-an order or more, and foretells loads that its sizes did not see.
+an order or more, and predicts loads that its sizes did not see.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Linear:
         return self._of_cases(rest)
 
     @property
-    def foretold(self) -> float:
+    def left_out_squares(self) -> float:
         """Squares of conditions that are left out."""
         return float(sum(rest @ rest for rest in self.left_out))
 
@@ -279,8 +279,8 @@ def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: b
         beyond = state.squares > state.run_set.most_of_noise
         if claims and beyond.any() and not _takes(state, block, beyond):
             journal.note("fell", block.name, "takes less than half of what is left of any order")
-        elif trial.foretold > state.foretold:
-            journal.note("fell", block.name, "loads that its sizes did not see are foretold worse with it")
+        elif trial.left_out_squares > state.left_out_squares:
+            journal.note("fell", block.name, "loads that its sizes did not see are predicted worse with it")
         else:
             journal.note("added", block.name, f"lowers the objective by {state.objective - trial.objective:.3g}")
             return trial

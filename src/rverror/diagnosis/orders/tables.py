@@ -298,7 +298,7 @@ def left_out(state: Linear) -> list[Array]:
 def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
     """Residual of each condition with the sizes of causes and laws from the others.
 
-    What a cause without some loads foretells otherwise moves the laws of these loads no less: both are added up.
+    What a cause without some loads predicts otherwise moves the laws of these loads no less: both are added up.
     """
     own = zip(left_out(laws), left_out(Linear(causes)), causes.residual, strict=True)
     return [left + (cause - rest) for left, cause, rest in own]

@@ -162,7 +162,7 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
     found : Lot
     """
     if not found.predicted:
-        raise InputError("the lot foretells nothing, so there is nothing to draw")
+        raise InputError("the lot predicts nothing, so there is nothing to draw")
     rows = found.predicted[::-1]
     ax, at = axes_of_rows(ax, [plain(one.condition) for one in rows])
     ends = [(one.quantile.value, one.quantile.low, one.quantile.high) for one in rows]
