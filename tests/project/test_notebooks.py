@@ -569,7 +569,7 @@ def table_to_names(p: Played, says: Prose) -> None:
     assert all(law.constant.significant and law.slope.significant for law in laws[7].laws)
     says("The other orders are no more than the noise")
     for order, one in laws.items():
-        assert (order in (1, 16, 3, 7)) == ("no part of it is told from the noise" not in one.kinds)
+        assert (order in (1, 16, 3, 7)) == ("no part of it is significant against the noise" not in one.kinds)
 
     says("with no error declared and stiffness within its uncertainty")
     assert found.declared.effects == ()

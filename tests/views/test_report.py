@@ -225,9 +225,9 @@ def test_the_fall_is_credited_to_what_made_it(result: Outcome) -> None:
     """Mean squares of 25, 16 and 1: refitting takes 9 of 24, what was added 15."""
     sizes = {"before": 5.0, "before_refitted": 4.0, "after": 1.0}
     parts = {name: replace(result.diagnosis.after, heldout_rms=size * ARCSEC) for name, size in sizes.items()}
-    assert "62 % are due to what was added" in to_text(replace(result.diagnosis, **parts))
+    assert "62 % is due to what was added" in to_text(replace(result.diagnosis, **parts))
     parts["before_refitted"] = parts["before"]
-    assert "are due to what was added" not in to_text(replace(result.diagnosis, **parts))
+    assert "is due to what was added" not in to_text(replace(result.diagnosis, **parts))
 
 
 def test_json_is_the_diagnosis_to_six_digits(result: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:

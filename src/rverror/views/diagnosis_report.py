@@ -433,8 +433,8 @@ def _credit(diagnosis: Diagnosis) -> str:
             "the rest, which noise does not explain."
         )
     return (
-        f"Of this fall in mean square {100 * share:.0f} % are due to what was added, the rest to refitting declared "
-        "sizes within their uncertainty."
+        f"Of this fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
+        "declared sizes within their uncertainty."
     )
 
 
@@ -455,13 +455,16 @@ def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
-    for at, (addition, step) in enumerate(next_steps(diagnosis), 1):
-        tells = ""
+    """What to measure next, once for all causes that a measurement tells apart."""
+    tells: dict[str, list[str]] = {}
+    for addition, step in next_steps(diagnosis):
+        pairs = tells.setdefault(step.what + (f": {step.why}" if step.why else ""), [])
         if addition is not None and step.separates:
             others = ", ".join(describe(*other) for other in step.separates)
-            tells = f" This tells {describe(addition.effect.key, addition.effect.indices)} from {others}."
-        why = f": {step.why}" if step.why else ""
-        yield Sentence(f" {step.what}{why}.{tells}", strong=f"Measure next, {at}:")
+            pairs.append(f"{describe(addition.effect.key, addition.effect.indices)} from {others}")
+    for at, (what, pairs) in enumerate(tells.items(), 1):
+        told = f" This tells {'; '.join(pairs)}." if pairs else ""
+        yield Sentence(f" {what}.{told}", strong=f"Measure next, {at}:")
 
 
 def _not_determined(diagnosis: Diagnosis) -> str:

@@ -64,7 +64,17 @@ def _modes_table(result: Modes) -> Table:
     if result.estimated:
         noticed.append(f"estimated from the geometry, to some 30 %: {', '.join(result.estimated)}")
     about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated), "notes": "\n".join(noticed)}
-    return Table(variables, about, title=(_where(result),))
+    return Table(variables, about, title=(_where(result),), verdict=_modes_verdict(result))
+
+
+def _modes_verdict(result: Modes) -> tuple[str, str]:
+    """The lowest mode of the machine: neither free nor of the sun's support."""
+    own = np.flatnonzero((result.frequency > 0) & ~result.of_sun_support)
+    if not own.size:
+        return "", ""
+    held, moves = (_most_of(one)[own[0]].replace("_", " ") for one in (result.strain_energy, result.kinetic_energy))
+    strong = f"Lowest mode of the machine: {brief(float(result.frequency[own[0]]))} Hz"
+    return strong, f", mode {1 + own[0]}; most of its strain energy: {held}; of its kinetic energy: {moves}."
 
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:

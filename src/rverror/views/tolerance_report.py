@@ -22,7 +22,7 @@ from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
-from rverror.views.describing import described, entries, sheet, sheet_of
+from rverror.views.describing import described, entries, interval_words, sheet, sheet_of
 from rverror.views.fields import COUNT, OWN, Field, arrays, entry, rows, same_unit, sized
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
@@ -70,14 +70,14 @@ def yield_words(found: Verified) -> tuple[str, ...]:
     limited = [one for one in found.limits if one.limit.value is not None]
     sentences = []
     if len(limited) > 1:
-        sentences.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
+        sentences.append(f"{share:.4g} % of the units meet all limits together ({low:.4g} to {high:.4g}).")
     if found.failures:
         sentences.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
     first = found.limits[0]
     sentences.append(
-        f"At the load: {first.units} units drawn afresh, seed {found.seed}, solved by the equilibrium, contacts that "
-        f"open included; interval: {100 * first.confidence:g} %. A quantile far within the limit may not be known; P99 "
-        "of a stiffness is what 99 % of the units do not fall below."
+        f"Under load: {first.units} new virtual units, seed {found.seed}, each solved by the equilibrium, contacts "
+        f"that open included; intervals: {100 * first.confidence:g} %. A quantile far within its limit may not be "
+        "known. P99 of a stiffness: 99 % of the units are at least as stiff."
     )
     return tuple(sentences)
 
@@ -354,8 +354,8 @@ def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
         f"Closed form{_state(result)}; {closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."
     ]
     sentences.append(
-        "P99: what 99 % of the units do not exceed. Low to high: the 95 % interval of the Monte Carlo estimate, not "
-        "how far units scatter. Sobol index: share of the variance of the peak-to-peak."
+        "P99: 99 % of the units do not exceed it. Intervals: 95 %, of the Monte Carlo estimate, not of the scatter of "
+        "units. Sobol index: share of the variance of the peak-to-peak."
     )
     sentences += _quiet(closed)
     if loaded is not None:
@@ -403,7 +403,7 @@ def _state(result: ErrorBudget) -> str:
 def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
     """What most units stay within, what makes most of it, the yield at a limit."""
     p99 = result.units.quantile(0.99)
-    size, low, high = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
+    size, ends = interval_words(*(value / ARCSEC for value in (p99.value, p99.low, p99.high)))
     strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
     first = max(result.closed.contributions, key=lambda one: one.share)
     most = " No tolerance changes more than the offset."
@@ -415,7 +415,20 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
         found = result.units.yield_at(at)
         share, least, largest = (100 * one for one in (found.value, found.low, found.high))
         within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
-    return strong, f" ({low} to {high}).{most}{within}"
+    closed = f"({ends}).{most}{within}"
+    if result.at_load is None or all(one.limit.value is None for one in result.at_load.verified.limits):
+        return strong, f" {closed}"
+    return _verdict_at_load(result.at_load.verified), f" Closed form: {strong} {closed}"
+
+
+def _verdict_at_load(found: Verified) -> str:
+    """Share of the units that meet all limits under load, and the limit that most of them exceed."""
+    share, low, high = (100 * one for one in (found.together, *found.together_interval))
+    limited = [one for one in found.limits if one.limit.value is not None]
+    hardest = min(limited, key=lambda one: one.share)
+    what = "all limits" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
+    fewest = f"; fewest the {hardest.limit.label}, {100 * hardest.share:.4g} %" if len(limited) > 1 else ""
+    return f"{share:.4g} % of the units meet {what} under load ({low:.4g} to {high:.4g}){fewest}."
 
 
 @sheet.register

@@ -65,7 +65,7 @@ PRESSURE = unit_of("pressure")
 
 def unit_for_people(unit: str) -> str:
     """Name of a unit in a report; numbers have none."""
-    return {NUMBER.core: "", "percent": "%"}.get(unit, unit)
+    return {NUMBER.core: "", "percent": "%", "mm**3": "mm³"}.get(unit, unit)
 
 
 @dataclass(frozen=True)

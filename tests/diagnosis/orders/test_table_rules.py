@@ -99,7 +99,7 @@ def test_a_claim_takes_its_share_of_what_is_left(share: float, least: float) -> 
     found = told(table, HEAD.key, claim_takes=least)
     assert claims(found) == ([HEAD.key] if share > least else [])
     if claims(found):
-        assert any(f"takes {100 * share:.0f} % of what is left of order 1" in note for note in found.added[0].notes)
+        assert any(f"removes {100 * share:.0f} % of what is left of order 1" in note for note in found.added[0].notes)
 
 
 def test_a_claim_takes_its_share_of_what_is_measured() -> None:

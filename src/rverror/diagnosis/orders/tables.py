@@ -124,8 +124,8 @@ def diagnose_tables(
     notes += _strained_stiffness(causes, elastic)
     if lines and named:
         notes.append(
-            "a cause that is named here is a claim: what is left is more than noise, and each claim says with what "
-            "chance as many sizes that mean nothing do as much"
+            "a cause that is named here is a claim, since more than noise is left: each claim states the probability "
+            "that as many meaningless parameters remove as much"
         )
     result = replace(result, effects=(*result.effects[: len(model.effects)], *(one.effect for one in added)))
     return Diagnosis(
@@ -321,8 +321,8 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
     estimates, notes = estimated(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
     order, share, odds = chance(few, number)
     notes.append(
-        f"takes {100 * share:.0f} % of what is left of order {order:g} without it; as many sizes that mean nothing do "
-        f"so with a chance of {100 * odds:.2g} %"
+        f"removes {100 * share:.0f} % of what is left of order {order:g} without it; the probability that as many "
+        f"meaningless parameters remove as much is {100 * odds:.2g} %"
     )
     orders = _orders(fit, number)
     return Addition(replace(effect, origin=origin), estimates, tuple(alike), orders, after.heldout_rms, tuple(notes))

@@ -151,8 +151,8 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         ax,
         f"{loaded.limits[0].units} units at the load, contacts that open included",
         *_unit(found),
-        x="used of the limit (without one: of the P99), %",
-        y="units that use no more, %",
+        x="share of the limit (of the P99 where there is no limit), %",
+        y="units at or below, %",
     )
 
 

@@ -9,7 +9,7 @@ import io
 import textwrap
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -218,12 +218,28 @@ def labelled(
 ) -> Axes:
     """Axes with their labels, limits, title and legend."""
     ax.set(xlabel=x, ylabel=y, **limits)
+    for axis in (ax.xaxis, ax.yaxis):
+        if axis.get_scale() in ("log", "symlog"):
+            axis.set_major_formatter(_log_numbers()())
+            axis.set_minor_formatter(_log_numbers()(labelOnlyBase=False))
     titled(ax, *title)
     if legend == "beside":
         legend_beside(ax, title=legend_title)
     elif legend:
         legend_below(ax, title=legend_title)
     return ax
+
+
+@cache
+def _log_numbers() -> type[Any]:
+    """Formatter of a logarithmic axis: plain numbers such as 0.5, where matplotlib puts powers of ten."""
+    from matplotlib.ticker import LogFormatter
+
+    class LogNumbers(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return f"{x:g}" if super().__call__(x, pos) else ""
+
+    return LogNumbers
 
 
 def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

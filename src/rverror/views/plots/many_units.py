@@ -137,7 +137,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax.plot(place[0] + 0.2, mean, "_", color=style.BLUE, ms=9, label="mean wave, 95 % interval")
     for some, mark, colour, label in (
         (~odd, "o", style.GREY, "a unit"),
-        (odd, "D", style.ORANGE, "a unit that is off the others"),
+        (odd, "D", style.ORANGE, "a unit that differs from the others"),
     ):
         ax.plot(place[some], sizes[some], mark, color=colour, ms=3.5, label=label)
     ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)

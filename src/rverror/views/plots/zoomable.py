@@ -13,6 +13,7 @@ import numpy as np
 from rverror.views.html import shipped
 from rverror.views.plots.figure import Figure, svg_element
 
+_LINE = 1.2  # of the size of a font, from one line of a title to the next
 _DIGITS = 6  # of what is drawn, as of the still picture: a screen shows four
 _TICKS = {"format_string": f".{_DIGITS - 1}~g", "prefix": "", "suffix": ""}  # numbers that leave the label its room
 
@@ -83,7 +84,9 @@ def _data(figure: Figure, number: int) -> str:
         for label in (ax.xaxis.label, ax.yaxis.label, ax.title):  # as plain texts: mpld3 warns of labels
             x, y = (label.get_transform() - ax.transAxes).transform(label.get_position())
             style = {name: getattr(label, f"get_{name}")() for name in ("ha", "va", "rotation", "size")}
-            ax.text(x, y, label.get_text(), transform=ax.transAxes, **style)
+            above = _LINE * float(label.get_fontsize()) / ax.bbox.height
+            for above_it, text in enumerate(reversed(label.get_text().split("\n"))):  # it knows texts of one line
+                ax.text(x, y + above_it * above, text, transform=ax.transAxes, **style)
             label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
     renderer = mpld3.mpld3renderer.MPLD3Renderer()
