@@ -48,7 +48,9 @@ from rverror.views.report import to_text
         **RUNS,
         **output("TABLE", "table to write", required=True),
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
-        "--torque": option('"20 N*m"', "load of the table; a json table takes several", size="torque", action="append"),
+        "--torque": option(
+            '"20 N*m"', "load of the table; repeat it for a json table of several loads", size="torque", action="append"
+        ),
         **MAPPING,
         **results(plot="the error before and after"),
         **save("NEW.toml", "write the model of the compensated unit"),
@@ -59,7 +61,7 @@ def _compensate(options: argparse.Namespace) -> None:
     """Write a table with which a controller cancels the repeatable error.
 
     Writes a table that a controller adds to its commands so that the repeatable part of the output error cancels,
-    and predicts the error that remains with it.
+    and predicts the error that remains.
     """
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")

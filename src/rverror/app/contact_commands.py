@@ -93,7 +93,7 @@ def _angles(count: int) -> dict[str, Any]:
     example='unit.toml --torque "412 N*m" --torque "20 N*m"',
     options={
         **_OF_FRICTION,
-        "--torque": option('"20 N*m"', f"{_RATED}; give it again for more", size="torque", action="append"),
+        "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
         "--direction": choice(WAYS, "forward"),
         **PHASES,

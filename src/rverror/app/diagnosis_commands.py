@@ -57,7 +57,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
     Compares measured runs with a model and names the part errors that the model lacks: their sizes with 95 %
-    intervals, what explains the runs equally well, and the error before and after.
+    intervals, the causes that fit equally well, and the error before and after.
     """
     model = load_model(options.model)
     runs, unseen = read_runs(options, model)
@@ -98,8 +98,8 @@ def _diagnose(options: argparse.Namespace) -> None:
 def _diagnose_batch(options: argparse.Namespace) -> None:
     """Diagnose a folder of units, one subfolder each, and resume.
 
-    Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was stopped
-    goes on when the command is given again.
+    Diagnoses every unit of a folder, one subfolder each. Finished units are kept: to continue a batch that was
+    stopped, run the command again.
     """
     with ProgressLine() as progress:
         batch = diagnose_folder(

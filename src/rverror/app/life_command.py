@@ -31,7 +31,7 @@ _OUTPUTS = {**MAPPING, **results()}
         ),
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
-            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long it will still be met"
+            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long the unit still meets it"
         ),
         **_OUTPUTS,
     },
@@ -39,8 +39,8 @@ _OUTPUTS = {**MAPPING, **results()}
 def _trend(options: argparse.Namespace) -> None:
     """What grows or jumps in a unit that is measured repeatedly.
 
-    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long a
-    limit will still be met.
+    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long
+    the unit still meets a limit.
     """
     wanted = _limit(options.limit)
     paths = _listed(options, options.runs)

@@ -48,8 +48,8 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
     options={
         "parts": option(
             "FOLDER",
-            "each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
-            "several are parts of one lot",
+            "each subfolder with runs is a unit, units.csv gives their order and labels; or a file that --compress "
+            "wrote; several make up one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
@@ -75,11 +75,11 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
 def _lot(options: argparse.Namespace) -> None:
     """Scatter of each process, or orders that drives share, from many measured units.
 
-    Estimates from the runs of many finished units how far each manufacturing process scatters and how far its mean
-    is off, and names units that do not belong to the lot.
+    Estimates from the runs of many finished units the scatter and the systematic error of each manufacturing process,
+    and names units that do not belong to the lot.
     """
     if options.compress is not None and len(options.outputs) > 1:
-        raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
+        raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")
     model = load_model(options.model)
     drive = isinstance(model.mechanism, Drive)
     for name in ("tolerances", "save") if drive else ():

@@ -41,7 +41,7 @@ from rverror.views.report import to_csv
         "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
         "--cost": option(
             "matching=2.5",
-            f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
+            f"cost per unit of a way of assembly; repeat it for others ({', '.join(WAYS)})",
             action="append",
             default=[],
         ),

@@ -36,7 +36,7 @@ _FILES = ("case.npz", "case.json")
     example="--output cases --case one-cam",
     options={
         **output("FOLDER", "where to write; each case has a folder in it", writes=False, required=True),
-        "--case": option("NAME", "write only this case; give it again for more", action="append", default=[]),
+        "--case": option("NAME", "write only this case; repeat it for more", action="append", default=[]),
     },
 )
 def _reference_cases(options: argparse.Namespace) -> None:

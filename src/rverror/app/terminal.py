@@ -145,7 +145,7 @@ RUNS: Mapping[str, Option] = {
     ),
 }
 MAPPING: Mapping[str, Option] = {
-    "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
+    "--mapping": option("BENCH.toml", "mapping file: the bench's column names and their units", reads=True)
 }
 WIDTHS: Mapping[str, Option] = {
     "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
@@ -393,8 +393,7 @@ def arm(text: str) -> GravityArm:
 PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
-        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for each "
-        "phase",
+        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; repeat it for each phase",
         action="append",
     )
 }

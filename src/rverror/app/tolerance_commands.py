@@ -135,8 +135,9 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
-            "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), or its worst case",
+            "what the limit applies to: units solved under load (load, the default); or, in closed form with all "
+            "contacts closed, a quantile of the peak-to-peak (yield, the default for a drive and with --speed) or its "
+            "worst case (worst)",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),

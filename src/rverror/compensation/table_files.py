@@ -389,13 +389,13 @@ def table_sentences(table: WrittenTable) -> list[str]:
     lines = []
     if table.points:
         lines.append(
-            f"table{load} of {table.points} points: straight lines between them leave "
-            f"{brief(table.between / ARCSEC, 2)} arcsec rms; {brief(table.expected / ARCSEC, 3)} are expected with it"
+            f"Table{load}, {table.points} points: linear interpolation leaves {brief(table.between / ARCSEC, 2)} "
+            f"arcsec rms; {brief(table.expected / ARCSEC, 3)} arcsec rms are expected with the table."
         )
     lines.append(
-        f"a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "
-        f"{brief(table.waves / ARCSEC, 3)} that the table takes off"
+        f"If the zero is off by 1 deg, {brief(table.slipped / ARCSEC, 3)} arcsec rms remain of the "
+        f"{brief(table.waves / ARCSEC, 3)} that the table removes."
     )
     if table.left_out:
-        lines.append(f"orders {', '.join(map(brief, table.left_out))} stay: a {table.format} table cannot hold them")
+        lines.append(f"A {table.format} table cannot hold orders {', '.join(map(brief, table.left_out))}: they remain.")
     return lines

@@ -30,7 +30,7 @@ def _table(result: Compensation) -> Table:
         **rows("order", result.orders, order=NUMBER, amplitude=ANGLE, left=ANGLE, law=None, frames=None),
         **rows("order", result.orders, **of_orders(bench)),
     }
-    stays = [f"Remains: {text}" for text in result.stays]
+    stays = [f"Remains: {text}." for text in result.stays]
     if bench is not None:
         stays.append(of_figures(bench))
         if result.worth:

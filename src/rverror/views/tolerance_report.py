@@ -65,12 +65,8 @@ def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variabl
 
 
 def yield_words(found: Verified) -> tuple[str, ...]:
-    """Yield of all limits together, how many units were solved, and what the quantiles are of."""
-    share, low, high = (100 * one for one in (found.together, *found.together_interval))
-    limited = [one for one in found.limits if one.limit.value is not None]
+    """How many units were solved, and what the quantiles are of."""
     sentences = []
-    if len(limited) > 1:
-        sentences.append(f"{share:.4g} % of the units meet all limits together ({low:.4g} to {high:.4g}).")
     if found.failures:
         sentences.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
     first = found.limits[0]
@@ -167,12 +163,13 @@ def _allocation_table(result: Allocation) -> Table:
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
     binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
+    verified = "" if loaded is None else f" {_verdict_at_load(loaded)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {within(result)}",),
-        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}."),
+        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}.{verified}"),
         sentences=_sentences(result),
         shown={"tolerance": shown},
         rows="tolerance",
@@ -187,7 +184,7 @@ def _sentences(found: Allocation) -> tuple[str, ...]:
     if found.shadow_price is not None:
         sentences.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
     if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
-        sentences.append("Where infinitely much is saved, the width does not matter.")
+        sentences.append("Where the saving is infinite, the width does not matter.")
     sentences += yield_words(loaded) if loaded else ()
     sentences.append(
         f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
@@ -426,7 +423,7 @@ def _verdict_at_load(found: Verified) -> str:
     share, low, high = (100 * one for one in (found.together, *found.together_interval))
     limited = [one for one in found.limits if one.limit.value is not None]
     hardest = min(limited, key=lambda one: one.share)
-    what = "all limits" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
+    what = "all limits together" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
     fewest = f"; fewest the {hardest.limit.label}, {100 * hardest.share:.4g} %" if len(limited) > 1 else ""
     return f"{share:.4g} % of the units meet {what} under load ({low:.4g} to {high:.4g}){fewest}."
 

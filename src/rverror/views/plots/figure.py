@@ -37,6 +37,7 @@ ORDER = "order, per output turn"
 COLUMNS = 1200
 _PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
+_POWERS = "LogFormatterSciNotation"  # matplotlib's own along a logarithmic axis
 _DECADES = 3.0  # of the colours of a map, down from the largest
 _LETTER = 0.55  # of the size of a font, the width of its letters in the mean
 _MARGIN = 1.2  # inches of the width of a cell that labels and ticks take
@@ -219,7 +220,7 @@ def labelled(
     """Axes with their labels, limits, title and legend."""
     ax.set(xlabel=x, ylabel=y, **limits)
     for axis in (ax.xaxis, ax.yaxis):
-        if axis.get_scale() in ("log", "symlog"):
+        if type(axis.get_major_formatter()).__name__ == _POWERS:
             axis.set_major_formatter(_log_numbers()())
             axis.set_minor_formatter(_log_numbers()(labelOnlyBase=False))
     titled(ax, *title)
