@@ -231,9 +231,12 @@ class Sides:
 
 
 def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]:
-    """Samples that both sides say are off; of neighbours the worst only.  `clean` has no doubtful ones."""
+    """First samples of bursts that both sides say are off; of neighbours the worst only.
+
+    The next round finds those behind them.  `clean` has no doubtful samples.
+    """
     before, after = sides.fitted(clean)
-    best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
+    best = np.zeros(sides.size)
     rest = clean - values
     for length in range(1, BOUNDS.longest_burst + 1):
         *burst, behind = sides.inner(length)  # its first samples, its second ones .., and those behind it
@@ -254,8 +257,8 @@ def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]
         alone = np.min([sense * by_before, sense * by_after, sense * excess], axis=(0, 1)) > half
         score = _score(mean, mean + cleaned, alone, floor, BOUNDS.certain)
         better = score > best[first]
-        best[first][better], lengths[first][better] = score[better], length
-    return {at + j for at in peaks(best, 0.0, NEAR) for j in range(int(lengths[at]))}
+        best[first][better] = score[better]
+    return set(peaks(best, 0.0, NEAR))
 
 
 def _steps(sides: Sides, values: Array, floor: float) -> list[LevelStep]:
