@@ -450,6 +450,6 @@ class Moves:
         run_set: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
     ) -> Array:
         """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        sight, which = run_set.sights[number], run_set.which[number]
-        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
-        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
+        observation, which = run_set.observations[number], run_set.which[number]
+        rows = [observation.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
+        return observation.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, observation.width))

@@ -119,7 +119,7 @@ class Linear:
     @cached_property
     def measured(self) -> Array:
         """Squares of what is measured of each order, shape (n,)."""
-        return self.run_set.by_order(sight.whiten(sight.measured) ** 2 for sight in self.run_set.sights)
+        return self.run_set.by_order(one.whiten(one.measured) ** 2 for one in self.run_set.observations)
 
     @cached_property
     def left_out(self) -> list[Array]:

@@ -20,8 +20,8 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.sight import Sight
 from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
@@ -67,7 +67,7 @@ class TableRow:
 
 
 @dataclass(frozen=True, eq=False)
-class TableSight(Sight):
+class TableObservation(Observation):
     """The waves of one condition: real parts, then imaginary ones.
 
     Attributes
@@ -218,10 +218,10 @@ class TableSet(RunSet):
         return False
 
     @cached_property
-    def sights(self) -> tuple[Sight, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""
         return tuple(
-            TableSight(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
+            TableObservation(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
             for case, sigma, under in zip(
                 self.cases, self.sigmas, (self.conditions[which] for which in self.which), strict=True
             )

@@ -392,7 +392,7 @@ def _kind(entry: Source) -> str:
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
     run_set = conditions_of(fit)
-    measured = [sight.measured for sight in run_set.sights]
+    measured = [observation.measured for observation in run_set.observations]
 
     def along(parts: Sequence[Array]) -> Array:
         return run_set.by_order(one * part for one, part in zip(measured, parts, strict=True))
