@@ -24,7 +24,7 @@ from rverror.diagnosis.gears.observation import EverySample, MeanSamples, Observ
 from rverror.diagnosis.gears.record import Record, conditions_of
 from rverror.diagnosis.gears.waveform import (
     SOFT_BOUNDS,
-    Conditioned,
+    LoadCase,
     Named,
     Waveform,
     soft_values,
@@ -65,7 +65,7 @@ class RunSet:
     unit : Reducer or Drive
         As declared.
     records : tuple of Record
-    conditions : tuple of Conditioned
+    conditions : tuple of LoadCase
     which : tuple of int
         Condition of each record.
     policy : Policy
@@ -85,7 +85,7 @@ class RunSet:
 
     unit: Mechanism
     records: tuple[Record, ...]
-    conditions: tuple[Conditioned, ...]
+    conditions: tuple[LoadCase, ...]
     which: tuple[int, ...]
     policy: Policy
     soft: Flags
@@ -126,7 +126,7 @@ class RunSet:
         if not self.anywhere:
             return self
         start = float(self.records[0].theta.min()) + offset
-        turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
+        turns = [LoadCase(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
 
     @cached_property

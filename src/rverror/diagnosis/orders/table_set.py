@@ -22,7 +22,7 @@ from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
@@ -255,12 +255,12 @@ def table_set(
     turn = whole(0.0, 2 * math.pi, points)
     torques = [case.condition.torque for case in cases]
     least = _DRAG * max((t for t in torques if t), default=0.0)
-    conditions: dict[tuple[float, float | None], Conditioned] = {}
+    conditions: dict[tuple[float, float | None], LoadCase] = {}
     which, rows = [], []
     for case, torque in zip(cases, torques, strict=True):
         load = None if torque is None or not least else max(torque, least)
         key = (case.condition.direction, load)
-        conditions.setdefault(key, Conditioned(*key, turn))
+        conditions.setdefault(key, LoadCase(*key, turn))
         which.append(list(conditions).index(key))
         rows.append(TableRow(load))
     loaded = bool(least)

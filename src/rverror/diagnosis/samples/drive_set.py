@@ -17,7 +17,7 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import EverySample, Observation
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import identity
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.records import DriveRecord
 from rverror.geartrain.action_line import ContactForces
@@ -175,7 +175,7 @@ def drive_set(model: Model, records: Sequence[DriveRecord], policy: Policy, cand
     return DriveSet(
         unit=model.mechanism,
         records=tuple(records),
-        conditions=(Conditioned(1.0, None, turn),),
+        conditions=(LoadCase(1.0, None, turn),),
         which=(0,) * len(records),
         policy=policy,
         soft=np.zeros(len(SOFTENING), dtype=np.bool_),
