@@ -28,7 +28,7 @@ from rverror.compensation.repeating import (
     records_of,
     repeating_orders,
 )
-from rverror.geartrain.kinematics import Conditions, samples_needed, true_period
+from rverror.geartrain.kinematics import OperatingConditions, samples_needed, true_period
 from rverror.geartrain.mechanism import Reducer, core_torque
 from rverror.model.catalogue import source
 from rverror.model.compensation import WAVE
@@ -95,18 +95,20 @@ class PredictedWaves:
             )
         count = turns * (samples_needed(mechanism) if isinstance(mechanism, Reducer) else _PLAIN)
         theta = turns * _TURN * np.arange(count) / count
-        where = Conditions(theta, condition.direction, condition.torque or None, temperature=condition.temperature)
+        where = OperatingConditions(
+            theta, condition.direction, condition.torque or None, temperature=condition.temperature
+        )
         error = predict(replace(self.model, effects=self.corrected), where).transmission_error
         lines = 2 * np.fft.rfft(error)[1 : count // 2] / count
         strong = np.flatnonzero(np.abs(lines) > max(_TINY * np.abs(lines).max(), 1e-3 * _TINY * units.ARCSEC))
         return (strong + 1) / turns, np.asarray(lines[strong], dtype=np.complex128)
 
-    def __call__(self, where: Conditions, condition: TableCondition) -> tuple[Array, Array]:
+    def __call__(self, where: OperatingConditions, condition: TableCondition) -> tuple[Array, Array]:
         """What the model makes of the error, and what of that no table can take, rad."""
         slow = self._added(self.slow, where)
         return wave_sum(where.theta, *self.waves(condition)) + slow + self._added(self.old, where), slow
 
-    def _added(self, effects: tuple[Effect, ...], where: Conditions) -> Array:
+    def _added(self, effects: tuple[Effect, ...], where: OperatingConditions) -> Array:
         if not effects:
             return np.zeros(where.theta.size)
         return predict(replace(self.model, effects=effects), where).transmission_error

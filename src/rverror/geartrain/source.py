@@ -34,7 +34,7 @@ _CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "dir
 
 
 class Known(Protocol):
-    """What is known of a run beside its angles: a `Run`, or the `Conditions` that come of it."""
+    """What is known of a run beside its angles: a `Run`, or the `OperatingConditions` that come of it."""
 
     @property
     def time(self) -> Array | None:

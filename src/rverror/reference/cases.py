@@ -27,7 +27,7 @@ from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Conditions, frame_orders
+from rverror.geartrain.kinematics import OperatingConditions, frame_orders
 from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
@@ -229,7 +229,7 @@ def solve(definition: Definition, *, points: int = POINTS) -> SolvedCase:
     model, direction = definition.model, definition.direction
     turn = _TURN * np.arange(points) / points
     theta = turn if direction > 0 else _TURN - turn
-    here = Conditions(theta, direction, definition.torque)
+    here = OperatingConditions(theta, direction, definition.torque)
     loaded = linearise(model, here)
     some = np.arange(0, points, max(1, points // _FORCE_ANGLES))
     arrays: dict[str, npt.NDArray[Any]] = {"theta": theta}

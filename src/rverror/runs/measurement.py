@@ -21,7 +21,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.text import PathLike, check_path, shown, split_lines, write_text
 from rverror.base.viewed import Viewed
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
@@ -133,13 +133,13 @@ class Run(OfFile, Viewed):
         self._check_ratio(value)
         return self.input_angle / value
 
-    def conditions(self, ratio: Reducer | Drive | Model | float) -> Conditions:
+    def conditions(self, ratio: Reducer | Drive | Model | float) -> OperatingConditions:
         """Where and how it was measured, as predictions take it; without a torque where it has none, or one of 0.
 
         A torque that changes over the turn is that of `torque_waves`.
         """
         theta, waves = self.nominal_angle(ratio), self.torque_waves(ratio)
-        return Conditions(
+        return OperatingConditions(
             theta,
             self.direction,
             self.torque or None,

@@ -11,7 +11,7 @@ import rverror
 from gear_runs import OTHER, TURN, UNIT
 from rverror.diagnosis.gears.grid import whole
 from rverror.diagnosis.gears.waveform import LoadCase, solve_all
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.statics.loaded_state import statics_of
 
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
@@ -33,7 +33,7 @@ def test_poses_of_one_turn_of_the_crank_are_those_of_the_whole_turn(
     assert near.grid.points < points
     carried = load_case._carried(near, load_case.turn)
     assert carried is not None
-    solved = statics_of(OTHER, Conditions(load_case.turn.theta, direction, 50e3)).predict((CAM, PROFILE)).poses
+    solved = statics_of(OTHER, OperatingConditions(load_case.turn.theta, direction, 50e3)).predict((CAM, PROFILE)).poses
     assert carried == pytest.approx(solved, rel=0, abs=within * float(np.ptp(solved, axis=0).max()))
     # each unknown by itself, those that move least among them
     assert np.all(np.abs(carried - solved).max(axis=0) <= 10 * within * np.ptp(solved, axis=0))

@@ -30,7 +30,7 @@ from rverror.diagnosis.orders import tables
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
 from rverror.diagnosis.orders.table_set import TableObservation, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.order_table import OrderCase, TableCondition
@@ -155,7 +155,7 @@ def test_a_table_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
 def test_a_run_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
     theta = TURN * np.arange(1024) / 1024
     model = Model(OTHER, (CAM, HEAD))
-    error = predict(model, Conditions(theta, 1.0, 90e3)).transmission_error
+    error = predict(model, OperatingConditions(theta, 1.0, 90e3)).transmission_error
     run = rverror.run_from_arrays(input_angle=49 * theta, te=error + 3e-4, torque=90e3, direction="forward")
     held = rverror.diagnosis.validated(found, [run]).validation[0]
     assert held.after < 0.05 * held.before

@@ -12,7 +12,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, motion
-from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
+from rverror.geartrain.kinematics import OperatingConditions, Pose, fundamental_orders
 from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Mechanism, Reducer, Stiffness
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueWaves
@@ -31,11 +31,11 @@ _DENSER = 5  # than the grid of the travel, where that is coarse
 
 def under(
     theta: Array, direction: float | Array, torque: float | TorqueWaves | None, time: Array | None = None
-) -> Conditions:
+) -> OperatingConditions:
     """Conditions under a torque, or one over the angle."""
     if isinstance(torque, TorqueWaves):
-        return Conditions(theta, direction, time=time, load=torque(theta))
-    return Conditions(theta, direction, torque, time)
+        return OperatingConditions(theta, direction, time=time, load=torque(theta))
+    return OperatingConditions(theta, direction, torque, time)
 
 
 #: Least and largest of each of `SOFTENING`, in the units of `soft_values`.

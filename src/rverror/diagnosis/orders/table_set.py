@@ -27,7 +27,7 @@ from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions, Pose
+from rverror.geartrain.kinematics import OperatingConditions, Pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -139,7 +139,7 @@ class TableObservation(Observation):
     @cached_property
     def _motion(self) -> Pose:
         """Over the turn; stiffness plays no part in it."""
-        return motion(self.gears, Conditions(self.turn.theta, self.case.condition.direction, self.torque))
+        return motion(self.gears, OperatingConditions(self.turn.theta, self.case.condition.direction, self.torque))
 
     def whiten(self, rows: Array) -> Array:
         """Rows in units of the noise."""
