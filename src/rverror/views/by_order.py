@@ -48,8 +48,8 @@ def sideband_frames(mechanism: Mechanism, order: float) -> tuple[str, ...]:
     Examples
     --------
     >>> from rverror import reducer
-    >>> beside(reducer("RV-40E"), 77), beside(reducer("RV-40E"), 78), beside(reducer("RV-40E"), 36)
-    (('1 below housing 39 x 2',), (), ())
+    >>> [sideband_frames(reducer("RV-40E"), order) for order in (77, 78, 36)]
+    [('1 below housing 39 x 2',), (), ()]
     """
     if frames_of_order(mechanism, order):
         return ()
