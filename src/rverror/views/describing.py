@@ -112,12 +112,13 @@ def _single_numbers(result_table: Table) -> dict[str, str]:
     """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
     shown = {name: of.shown(display=True).item() for name, of in result_table.variables.items() if not of.dims}
     facts_of = {}
-    for name, value in shown.items():
+    for name in [name for name in shown if not name.endswith(("_low", "_high"))]:
         base = name.removesuffix("_value")
-        ends = [shown[f"{base}_{end}"] for end in ("low", "high") if f"{base}_{end}" in shown]
         unit = unit_for_people(result_table.variables[name].unit_text(display=True))
-        if not name.endswith(("_low", "_high")):
-            facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
+        value, ends = brief(shown[name]), ""
+        if f"{base}_low" in shown:
+            value, ends = interval_words(shown[name], shown[f"{base}_low"], shown[f"{base}_high"])
+        facts_of[_words(base)] = f"{value} {unit}" + f" ({ends})" * bool(ends)
     return facts_of
 
 

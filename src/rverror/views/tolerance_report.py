@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
+from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.lots.result import Interval
@@ -179,6 +179,7 @@ def _allocation_table(result: Allocation) -> Table:
 def _sentences(found: Allocation) -> tuple[str, ...]:
     """What is limited, what the rates are, how good the widths are."""
     check, loaded = found.closed_form, found.verified
+    size, ends = interval_words(*(one / ARCSEC for one in (check.value, check.low, check.high)))
     limits = "all limits" if found.kind == "load" else "the limit"
     sentences = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
     if found.shadow_price is not None:
@@ -187,8 +188,7 @@ def _sentences(found: Allocation) -> tuple[str, ...]:
         sentences.append("Where the saving is infinite, the width does not matter.")
     sentences += yield_words(loaded) if loaded else ()
     sentences.append(
-        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
-        f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
+        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak {size} arcsec ({ends})."
     )
     return tuple(sentences)
 
@@ -420,12 +420,12 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
 
 def _verdict_at_load(found: Verified) -> str:
     """Share of the units that meet all limits under load, and the limit that most of them exceed."""
-    share, low, high = (100 * one for one in (found.together, *found.together_interval))
+    share, interval = interval_words(*(100 * one for one in (found.together, *found.together_interval)))
     limited = [one for one in found.limits if one.limit.value is not None]
     hardest = min(limited, key=lambda one: one.share)
     what = "all limits together" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
     fewest = f"; fewest the {hardest.limit.label}, {100 * hardest.share:.4g} %" if len(limited) > 1 else ""
-    return f"{share:.4g} % of the units meet {what} under load ({low:.4g} to {high:.4g}){fewest}."
+    return f"{share} % of the units meet {what} under load ({interval}){fewest}."
 
 
 @sheet.register
