@@ -19,7 +19,7 @@ from rverror import InputError
 from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import LotUnit
-from rverror.lots.of_drives import DriveLot, distinguishable, lot_of_drives
+from rverror.lots.of_drives import DriveLot, lot_of_drives, told_apart
 
 MODEL = rverror.Model(rverror.Drive(ratio=7.0, name="seven"))
 TURN = 2 * math.pi
@@ -88,7 +88,7 @@ def test_distance_and_chance_are_those_of_hotelling_against_the_others() -> None
     rng = np.random.default_rng(5)
     wave = rng.standard_normal(14) + 0.4j * rng.standard_normal(14)
     wave[5] += 6 + 2j
-    members, odd = distinguishable(wave, 0.9)
+    members, odd = told_apart(wave, 0.9)
     assert list(odd) == [5]
     rest = wave[members]
     covariance = np.cov(rest.real, rest.imag)
@@ -104,14 +104,14 @@ def test_two_far_units_do_not_hide_one_another() -> None:
     """Together they take so much of the covariance that neither is told by itself."""
     wave = waves(12, 8)[:, 0] / ARCSEC
     wave[[3, 6]] = 4000
-    assert sorted(distinguishable(wave, 0.05)[1]) == [3, 6]
+    assert sorted(told_apart(wave, 0.05)[1]) == [3, 6]
     wave[6] = 40_000j
-    assert sorted(distinguishable(wave, 0.05)[1]) == [3, 6]
+    assert sorted(told_apart(wave, 0.05)[1]) == [3, 6]
 
 
 def test_units_are_told_from_normal_ones_as_rarely_as_stated() -> None:
     """At 20 %: of 500 lots of nine no more than chance (three standard errors) allows, and some."""
-    told = sum(bool(distinguishable(waves(9, seed)[:, 0], 0.2)[1]) for seed in range(500))
+    told = sum(bool(told_apart(waves(9, seed)[:, 0], 0.2)[1]) for seed in range(500))
     assert 10 < told < 500 * 0.2 + 3 * math.sqrt(500 * 0.2 * 0.8)
 
 

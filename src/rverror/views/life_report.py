@@ -195,9 +195,12 @@ def remaining_words(trend: Trend) -> str:
     if left.time is None:
         return f"{what} Nothing that grows is known to reach it: the time that remains is not determined."
     times = left.time.low, left.time.value, left.time.high
-    low, middle, high = ("never" if math.isinf(t) else brief(float(f"{t:.3g}"), 3) for t in times)
-    some = f"between {low} {trend.unit}s" if math.isinf(left.time.value) else f"about {middle} {trend.unit}s"
-    ends = f"and {high}" if math.isinf(left.time.value) else f"(95 % interval: {low} to {high})"
+    low, middle, high = (brief(float(f"{t:.3g}"), 3) for t in times)
+    if math.isinf(left.time.value):
+        when = f"at the earliest {low} {trend.unit}s after the last session (95 %)"
+    else:
+        ends = f"{low} or more" if math.isinf(left.time.high) else f"{low} to {high}"
+        when = f"about {middle} {trend.unit}s after the last session (95 % interval: {ends})"
     longer = left.time.low / (trend.at.max() - trend.at.min())
     beyond = f" That is at least {brief(longer, 2)} times the time measured so far." if longer > 1 else ""
-    return f"{what} It is reached {some} {ends} after the last session.{beyond}"
+    return f"{what} It is reached {when}.{beyond}"
