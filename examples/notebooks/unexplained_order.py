@@ -175,7 +175,7 @@ with rverror.model.extended(entry):
         print(f"{name:16} leaves {abs(mean):.2f} +- {half:.2f} arcsec of order 36 at 412 N*m")
 
 # %% [markdown]
-# The picture has the height of the line over the load: as measured, and as the two ways foretell it from the runs at
+# The picture has the height of the line over the load: as measured, and as the two ways predict it from the runs at
 # 20 N m.
 
 # %%

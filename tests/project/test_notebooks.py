@@ -484,7 +484,7 @@ def unexplained_order(p: Played, says: Prose) -> None:
     )
 
     says("Each was fitted at 20 N m.")
-    says("as the two ways foretell it from the runs at 20 N m")
+    says("as the two ways predict it from the runs at 20 N m")
     left = [tuple(map(float, pair)) for pair in re.findall(r"leaves (\S+) \+- (\S+) arcsec of order 36", p.printed)]
     declared, empirical, cogging = left
     says("The declared model leaves the whole line.")
@@ -678,7 +678,7 @@ def lot(p: Played, says: Prose) -> None:
     before, pins_in, half = p["p95"].values()
     assert 0.9 * before < pins_in < before
     assert half < 0.67 * before
-    says("The lot itself foretells its next units at the load")
+    says("The lot itself predicts its next units at the load")
     (foretold,) = found.predicted
     assert foretold.quantile.low < foretold.seen[1] < foretold.quantile.high
 
