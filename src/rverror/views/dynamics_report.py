@@ -68,13 +68,12 @@ def _modes_table(result: Modes) -> Table:
 
 
 def _modes_verdict(result: Modes) -> tuple[str, str]:
-    """The lowest mode of the machine: neither free nor of the sun's support."""
-    own = np.flatnonzero((result.frequency > 0) & ~result.of_sun_support)
-    if not own.size:
+    """The lowest mode of the machine, what holds it and what moves in it."""
+    if (mode := result.lowest) is None:
         return "", ""
-    held, moves = (_most_of(one)[own[0]].replace("_", " ") for one in (result.strain_energy, result.kinetic_energy))
-    strong = f"Lowest mode of the machine: {brief(float(result.frequency[own[0]]))} Hz"
-    return strong, f", mode {1 + own[0]}; most of its strain energy: {held}; of its kinetic energy: {moves}."
+    held, moves = (_most_of(one)[mode].replace("_", " ") for one in (result.strain_energy, result.kinetic_energy))
+    strong = f"Lowest mode of the machine: {brief(float(result.frequency[mode]))} Hz"
+    return strong, f", mode {1 + mode}; most of its strain energy: {held}; of its kinetic energy: {moves}."
 
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:

@@ -277,8 +277,7 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     """
     ax = axes_for(ax, width=9.0, height=6.0)
     count = modes.frequency.size
-    own = np.flatnonzero((modes.frequency > 0) & ~modes.of_sun_support)
-    chosen = 1 + int(own[0] if own.size else 0) if mode is None else mode
+    chosen = 1 + (modes.lowest or 0) if mode is None else mode
     if not 1 <= chosen <= count:
         raise InputError(f"mode = {mode}: this reducer has modes 1 to {count}, from the lowest frequency up")
     motion = _posed(modes.model, modes.theta, modes.direction)
