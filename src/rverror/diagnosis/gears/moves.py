@@ -17,11 +17,11 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
+from rverror.diagnosis.gears.contact_gaps import ContactGaps
 from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, lifted, onto
 from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
 from rverror.diagnosis.gears.score import Hypothesis, Score, identity, named
 from rverror.diagnosis.gears.trial import Trial
-from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
@@ -287,12 +287,12 @@ class Moves:
         of what repeats with the crank as the cause does, or does not."""
         fit, blocks = self.influences(one)
         unit, free = fit.run_set.unit, self.free(fit)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(fit.run_set.gears))
+        gaps = self._once("gaps", self.candidates, lambda: ContactGaps(fit.run_set.gears))
         for number, effect in enumerate(fit.added):
             rest, own = lifted(fit, number), columns_of(fit, [(effect.key, effect.indices)])
             able = {identity(other) for other in free} | {named(effect)}
             others = [e for e in equivalents(effect, unit) if named(e) in able]
-            for other in (*gaps.twins(effect, free), *gaps.near(effect, free), *others):
+            for other in (*gaps.equivalents(effect, free), *gaps.near(effect, free), *others):
                 yield Trial(rest.model.with_effects(other), one.score, one.slim)
             # another cause of the set may be all of it, with the sizes of both
             for other in gaps.near(effect, [(e.key, e.indices) for e in rest.added]):
@@ -470,6 +470,6 @@ class Moves:
         run_set: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
     ) -> Array:
         """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        sight, which = run_set.sights[number], run_set.which[number]
-        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
-        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
+        observation, which = run_set.observations[number], run_set.which[number]
+        rows = [observation.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
+        return observation.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, observation.width))
