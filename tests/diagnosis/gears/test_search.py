@@ -187,6 +187,22 @@ def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
     assert (wrong.names, "_elsewhere") not in search.expanded
 
 
+def test_two_causes_that_fit_as_well_elsewhere_together_are_told() -> None:
+    """The bore of the other disc and the other disc's wave, both opposite: either alone fits far worse."""
+    bore = rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, radial="3.8 um", tangential="-0.2 um")
+    wave = rverror.effect("cycloid.disc_profile", disc=0, harmonic=3, cos="-2 um", sin="3 um")
+    places = [{("disc", 1), ("crank", 0)}, {("disc", 0), ("crank", 1)}], [{("disc", 0)}, {("disc", 1)}]
+    fit = settled(Model(OTHER, (bore, wave)), bore, wave, points=1024)
+    search = search_of(fit, [bore.key, wave.key])
+    best, done = search.best()
+    assert done
+    for number, effect in enumerate(best.fit.added):
+        told = [dict(effect.indices), *(indices for _, indices in search.as_good(best, number))]
+        of_bore = effect.key == bore.key
+        for place in places[0 if of_bore else 1]:
+            assert any(place <= set(indices.items()) for indices in told)
+
+
 def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     """A wave of the crank's order, which no candidate makes and which is no line of its own."""
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)

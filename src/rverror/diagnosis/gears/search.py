@@ -112,7 +112,7 @@ class Search:
             if self.complete(best):
                 if not swap:
                     return best.whole, True
-                if not (self.expand(best, self.challengers) or self.compare(best)):
+                if not (self.expand(best, self.challengers) or self.compare(best) or self.expand(best, self._jointly)):
                     return best.whole, True
             elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
                 return best.whole, False
@@ -379,6 +379,12 @@ class Search:
             if part.fit.added and self.moves.nearly(part):
                 yield from self.race(list(self.moves.moved(part)))
 
+    def _jointly(self, one: Hypothesis) -> Iterator[Trial]:
+        """A complete set of two causes or more, with several in equivalent places at once; one at a time they were
+        swapped already."""
+        if len(one.fit.added) > 1:
+            yield from self.race(list(self.moves.moved(one)))
+
     def settling(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with runs that drift and settle, if they do."""
         one = one.whole
@@ -421,13 +427,25 @@ class Search:
         return sorted(found, key=lambda other: other.score)
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        """Other causes that fit as well in one's place, by score or by objective."""
+        """Other causes that fit as well in one's place, by score or by objective; also those of its source in sets of
+        which several causes are elsewhere."""
         behind, own = -2 * math.log(self.policy.alike), {named(e) for e in one.fit.added}
-        return tuple(
-            next((e.key, dict(e.indices)) for e in rival.fit.added if named(e) not in own)
-            for rival in self.rivals(one, number)
-            if min(rival.score - one.score, rival.fit.objective - one.fit.objective) < behind
-        )
+        keys = [e.key for e in one.fit.added]
+        elsewhere = [
+            other
+            for other in sorted(self.known.values(), key=lambda other: other.score)
+            if sorted(e.key for e in other.fit.added) == sorted(keys)
+            and (other.lines, other.slow) == (one.lines, one.slow)
+        ]
+        found = [
+            effect
+            for some, wanted in ((self.rivals(one, number), None), (elsewhere, keys[number]))
+            for other in some
+            if min(other.score - one.score, other.fit.objective - one.fit.objective) < behind
+            for effect in other.fit.added
+            if named(effect) not in own and wanted in (None, effect.key)
+        ]
+        return tuple((e.key, dict(e.indices)) for e in {named(e): e for e in found}.values())
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
         """Fits at the opposite of a cause within the odds of `alike`: intervals hold theirs too.
