@@ -112,7 +112,7 @@ class Search:
             if self.complete(best):
                 if not swap:
                     return best.whole, True
-                if not (self.expand(best, self.challengers) or self.compare(best) or self.expand(best, self._jointly)):
+                if not (self.expand(best, self.challengers) or self.compare(best) or self._joined(best)):
                     return best.whole, True
             elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
                 return best.whole, False
@@ -378,12 +378,13 @@ class Search:
         for part in self.parts(one):
             if part.fit.added and self.moves.nearly(part):
                 yield from self.race(list(self.moves.moved(part)))
+            if one.slow and not part.slow:  # settling was added before causes were tried in its place
+                yield from self.moves.singly(part)
 
-    def _jointly(self, one: Hypothesis) -> Iterator[Trial]:
-        """A complete set of two causes or more, with several in equivalent places at once; one at a time they were
-        swapped already."""
-        if len(one.fit.added) > 1:
-            yield from self.race(list(self.moves.moved(one)))
+    def _joined(self, one: Hypothesis) -> bool:
+        """Race a complete set of several causes with some in equivalent places at once: one at a time they were swapped
+        already."""
+        return len(one.fit.added) > 1 and self.expand(one, self._elsewhere)
 
     def settling(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with runs that drift and settle, if they do."""
