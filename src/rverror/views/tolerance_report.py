@@ -424,8 +424,8 @@ def _verdict_at_load(found: Verified) -> str:
     limited = [one for one in found.limits if one.limit.value is not None]
     hardest = min(limited, key=lambda one: one.share)
     what = "all limits together" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
-    fewest = f"; fewest the {hardest.limit.label}, {100 * hardest.share:.4g} %" if len(limited) > 1 else ""
-    return f"{share} % of the units meet {what} under load ({interval}){fewest}."
+    worst = f"; {100 * hardest.share:.4g} % meet the hardest, the {hardest.limit.label}" if len(limited) > 1 else ""
+    return f"{share} % of the units meet {what} under load ({interval}){worst}."
 
 
 @sheet.register

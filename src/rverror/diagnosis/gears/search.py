@@ -430,21 +430,22 @@ class Search:
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
         """Other causes that fit as well in one's place, by score or by objective; also those of its source in sets of
         which several causes are elsewhere."""
-        behind, own = -2 * math.log(self.policy.alike), {named(e) for e in one.fit.added}
-        keys = [e.key for e in one.fit.added]
+        effect, own = one.fit.added[number], {named(e) for e in one.fit.added}
+        behind, keys = -2 * math.log(self.policy.alike), sorted(e.key for e in one.fit.added)
         elsewhere = [
             other
             for other in sorted(self.known.values(), key=lambda other: other.score)
-            if sorted(e.key for e in other.fit.added) == sorted(keys)
+            if named(effect) not in other.names
+            and sorted(e.key for e in other.fit.added) == keys
             and (other.lines, other.slow) == (one.lines, one.slow)
         ]
         found = [
-            effect
-            for some, wanted in ((self.rivals(one, number), None), (elsewhere, keys[number]))
+            e
+            for some, wanted in ((self.rivals(one, number), None), (elsewhere, effect.key))
             for other in some
             if min(other.score - one.score, other.fit.objective - one.fit.objective) < behind
-            for effect in other.fit.added
-            if named(effect) not in own and wanted in (None, effect.key)
+            for e in other.fit.added
+            if named(e) not in own and wanted in (None, e.key)
         ]
         return tuple((e.key, dict(e.indices)) for e in {named(e): e for e in found}.values())
 
