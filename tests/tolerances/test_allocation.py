@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 import rverror
 from rverror.base.errors import InputError
@@ -498,6 +498,7 @@ def test_prices_scale_the_cost(seed, share, place, factor):
     assert other.cost == pytest.approx(factor * one.cost, rel=1e-6)
 
 
+@example(seed=731, share=0.5, place=0.625, which=1)  # the integer program's solver fails on one order of its rows
 @given(**SOME, place=st.floats(0.3, 0.9), which=st.integers(0, 1))
 @settings(max_examples=15, deadline=None)
 def test_fixed_entries_stay_and_freedom_saves(seed, share, place, which):
