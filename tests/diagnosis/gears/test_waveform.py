@@ -10,7 +10,7 @@ import pytest
 import rverror
 from gear_runs import OTHER, TURN, UNIT
 from rverror.diagnosis.gears.grid import whole
-from rverror.diagnosis.gears.waveform import LoadCase, solve_all
+from rverror.diagnosis.gears.waveform import LoadCase
 from rverror.geartrain.kinematics import OperatingConditions
 from rverror.statics.loaded_state import statics_of
 
@@ -48,22 +48,3 @@ def test_a_cause_in_the_housing_is_solved_from_poses_without_it() -> None:
     assert after.error == pytest.approx(anew.error, rel=0, abs=1e-9 * float(np.ptp(anew.error)))
     assert load_case._carried(anew, load_case.turn) is None
     assert load_case._carried(replace(near, poses=None), load_case.turn) is None
-
-
-def test_both_directions_as_one_system_are_what_each_is_alone() -> None:
-    """Under one torque they are solved together, over few angles; contacts that open, another load, from near poses."""
-    turn = whole(0.3, TURN, 512)
-    conditions = [LoadCase(sense, torque, turn) for torque in (20e3, 50e3) for sense in (1.0, -1.0)]
-    loose = rverror.effect("crank.bearing_clearance", clearance="4 um")
-    softer = replace(OTHER, stiffness=replace(OTHER.stiffness, pin_contact=1.5e5))
-    for effects in ((CAM, loose), (CAM, PIN)):
-        alone = [one.solve(softer, effects) for one in conditions]
-        near = solve_all(conditions, OTHER, effects, [None] * 4)
-        together = solve_all(conditions, softer, effects, near)
-        for one, other in zip(together, alone, strict=True):
-            assert one.grid == other.grid
-            assert one.error == pytest.approx(other.error, rel=0, abs=1e-8 * float(np.ptp(other.error)))
-            for row, same in ((one.rows, other.rows), (one.soft, other.soft)):
-                assert row == pytest.approx(same, rel=0, abs=1e-6 * float(np.abs(same).max()))
-        assert np.all(alone[0].error < alone[1].error)  # a load holds back what moves against it
-    assert [sum(beside for _, beside in one._kept) for one in conditions] == [2, 0, 2, 0]  # both grids, once a torque

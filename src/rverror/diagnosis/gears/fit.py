@@ -29,7 +29,6 @@ from rverror.diagnosis.gears.waveform import (
     Waveform,
     soft_values,
     softened,
-    solve_all,
 )
 from rverror.diagnosis.noise import RunNoise, noise_of, walking
 from rverror.diagnosis.policy import Policy
@@ -197,10 +196,9 @@ class RunSet:
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
         """Waveform of each condition."""
-        assert isinstance(model.mechanism, Reducer)
-        effects = self.around(model)
+        unit, effects = _gears(model.mechanism), self.around(model)
         starts: Sequence[Waveform | None] = near if near is not None else [None] * len(self.conditions)
-        return solve_all(self.conditions, model.mechanism, effects, starts)
+        return [one.solve(unit, effects, start) for one, start in zip(self.conditions, starts, strict=True)]
 
     def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
         """Influences of sources as each record sees them, (parameters, width), in the state of waveforms."""

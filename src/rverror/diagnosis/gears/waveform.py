@@ -25,7 +25,6 @@ from rverror.statics.prediction import turned
 Named = tuple[str, Mapping[str, IndexValue]]
 
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
-_TOGETHER = 1024  # angles of all directions that are solved as one: more take as long apart
 _DENSER = 5  # than the grid of the travel, where that is coarse
 
 
@@ -109,7 +108,7 @@ class LoadCase:
     direction: float
     torque: float | TorqueWaves | None
     turn: AngleGrid
-    _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
+    _kept: dict[AngleGrid, Statics] = field(default_factory=dict, repr=False)
     _coarser: dict[int, LoadCase] = field(default_factory=dict, repr=False)
 
     def coarser(self, points: int) -> LoadCase:
@@ -129,15 +128,12 @@ class LoadCase:
         alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
         return self.repeat(unit) if alike and isinstance(self.torque, float) else self.turn
 
-    def _statics(self, unit: Reducer, grid: AngleGrid, *, beside: Sequence[LoadCase] = ()) -> Statics:
-        """Statics over a grid, once in each direction; geometry is made once, what the stiffness changes only where it
-        does."""
-        name = grid, len(beside)
-        made = self._kept.get(name)
+    def _statics(self, unit: Reducer, grid: AngleGrid) -> Statics:
+        """Statics over a grid: geometry is made once, what the stiffness changes only where it does."""
+        made = self._kept.get(grid)
         if made is None:
-            directions = np.repeat([self.direction, *(one.direction for one in beside)], grid.points)
-            made = statics_of(unit, under(np.tile(grid.theta, 1 + len(beside)), directions, self.torque))
-        self._kept[name] = made = made.elastic(unit)
+            made = statics_of(unit, under(grid.theta, self.direction, self.torque))
+        self._kept[grid] = made = made.elastic(unit)
         return made
 
     def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
@@ -145,31 +141,15 @@ class LoadCase:
 
     def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
         """Waveform with these effects, all felt by the contacts; from poses near it where there are."""
-        return self.solve_with([], unit, effects, [near])[0]
-
-    def solve_with(
-        self,
-        beside: Sequence[LoadCase],
-        unit: Reducer,
-        effects: tuple[Effect, ...],
-        near: Sequence[Waveform | None],
-    ) -> list[Waveform]:
-        """Waveforms of this condition and of others that differ in their direction alone, as one system."""
         grid = self.grid(unit, effects)
         if self.torque is None:
             where = self._motion(unit, grid)
             rows = effect_matrix(where, closed_form_forces(where), effects)
             values = np.array([v for e in effects for v in e.values])
-            return [Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)]
-        starts = [self._near(one, grid) for one in near]
-        poses = [start for start in starts if start is not None]
-        statics = self._statics(unit, grid, beside=beside)
-        solved = statics.predict(effects, np.concatenate(poses) if len(poses) == len(starts) else None)
-        parts = [slice(at * grid.points, (at + 1) * grid.points) for at in range(len(starts))]
-        error, rows, soft, found = solved.transmission_error, solved.matrix, solved.softening, solved.poses
-        assert soft is not None
-        assert found is not None
-        return [Waveform(grid, error[p], rows[:, p], soft[:, p], effects, unit, found[p]) for p in parts]
+            return Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)
+        solved = self._statics(unit, grid).predict(effects, self._near(near, grid))
+        assert solved.softening is not None
+        return Waveform(grid, solved.transmission_error, solved.matrix, solved.softening, effects, unit, solved.poses)
 
     def _near(self, near: Waveform | None, grid: AngleGrid) -> Array | None:
         return None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
@@ -191,25 +171,3 @@ class LoadCase:
         statics = self._statics(wave.unit, self.turn)
         start = wave.poses if wave.grid == self.turn else self._carried(wave, self.turn)
         return statics.motion, statics.forces(wave.effects, start)
-
-
-def solve_all(
-    conditions: Sequence[LoadCase],
-    unit: Reducer,
-    effects: tuple[Effect, ...],
-    near: Sequence[Waveform | None],
-) -> list[Waveform]:
-    """Waveform of each condition; both directions under one torque are one system where that is not long yet.
-
-    What a step of the equilibrium costs, few angles hardly change.
-    """
-    found = dict[int, Waveform]()
-    for first, one in enumerate(conditions):
-        if first in found:
-            continue
-        alike = [i for i, other in enumerate(conditions) if (other.torque, other.turn) == (one.torque, one.turn)]
-        if one.torque is None or len(alike) * one.grid(unit, effects).points > _TOGETHER:
-            alike = [first]
-        beside = [conditions[i] for i in alike if i != first]
-        found |= zip(alike, one.solve_with(beside, unit, effects, [near[i] for i in alike]), strict=True)
-    return [found[i] for i in range(len(conditions))]
