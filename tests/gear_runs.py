@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 import rverror
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
+from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted, with_estimated_noise
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.reducers import candidates_of
 from rverror.diagnosis.gears.search import Search
@@ -97,7 +97,7 @@ def runs_of(
 def begin(model: rverror.Model, runs: Sequence[rverror.Run], *, policy: Policy = POLICY, points: int = 1024) -> Fit:
     """First state of a fit to runs."""
     records, _ = records_of(model, runs)
-    return begun(RunSet.of(model.mechanism, records, policy, points=points, anywhere=False), model, model)
+    return first_state(RunSet.of(model.mechanism, records, policy, points=points, anywhere=False), model, model)
 
 
 def record_of(error: Array, theta: Array | None = None, **more: Any) -> Record:
@@ -118,7 +118,7 @@ def settled(
     """The fit of runs with these effects added, and with the noise that they leave."""
     first = begin(declared, runs_of(true, conditions, points=points, **more), points=points)
     start = replace(first.model, effects=(*declared.effects, *added))
-    return fitted(renoised(fitted(evaluated(first.run_set, start, declared), steps=30)), steps=30)
+    return fitted(with_estimated_noise(fitted(evaluated(first.run_set, start, declared), steps=30)), steps=30)
 
 
 def beside(fit: Fit, *added: Effect) -> Fit:

@@ -73,7 +73,7 @@ class RunNoise:
 
 
 def noise_of(
-    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, few: bool = False,
+    residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, by_criterion: bool = False,
     parts: Sequence[slice] = (),
 ) -> RunNoise:  # fmt: skip
     """Noise of a residual, robust against lines and bends that no model has explained yet.
@@ -93,7 +93,7 @@ def noise_of(
         White noise that is there in any case.
     calm : bool
         Whether nothing but noise is left.
-    few : bool
+    by_criterion : bool
         Whether it has as many lags as the Bayesian criterion allows, in place of as many as may be, and, where nothing
         but noise is left, a random walk beside it as far as that is likelier by the same criterion.
     parts : sequence of slice
@@ -104,7 +104,9 @@ def noise_of(
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         by_lags = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
-        return _wandering([by_lags[lags] for lags in _LAGS if lags < len(by_lags)], rest) if few else by_lags[-1]
+        return (
+            _wandering([by_lags[lags] for lags in _LAGS if lags < len(by_lags)], rest) if by_criterion else by_lags[-1]
+        )
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -115,7 +117,7 @@ def noise_of(
             shape = found.spectrum(frequency)
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
-        orders = range(count + 1) if few else (count,)
+        orders = range(count + 1) if by_criterion else (count,)
         found = _likeliest([_autoregressive(correlation, lags, floor) for lags in orders], n)
     return found
 

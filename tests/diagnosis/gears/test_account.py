@@ -22,7 +22,7 @@ from rverror.diagnosis.gears.account import (
     offset_note,
     spread,
 )
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted
+from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
@@ -234,7 +234,7 @@ def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fix
     runs = [replace(run, index="unknown") for run in runs_of(declared, points=512)]
     model, anywhere = with_marks(declared, runs)
     records, _ = records_of(model, runs)
-    fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
+    fit = fitted(first_state(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
     note = offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
     assert "the gear's marks are " in note
     assert ("or whole turns of the crank, 22.5 deg, from there" in note) == again
@@ -248,7 +248,7 @@ def test_marks_are_not_placed_where_nothing_of_the_gear_train_shows() -> None:
     runs = [replace(run, index="unknown")]
     model, anywhere = with_marks(declared, runs)
     records, _ = records_of(model, runs)
-    fit = fitted(begun(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
+    fit = fitted(first_state(RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere), model, model))
     assert "cannot be placed" in offset_note(fit, declared, np.full(fit.moment.size, 1e-3))
 
 

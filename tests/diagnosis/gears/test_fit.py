@@ -20,16 +20,16 @@ from rverror.diagnosis.gears.fit import (
     RunSet,
     as_declared,
     bounds,
-    deviation,
+    departures,
     evaluated,
     fitted,
-    lifted,
-    moved,
     onto,
     promised,
     proposed,
-    renoised,
     soft_spread,
+    stepped,
+    with_estimated_noise,
+    without_effect,
 )
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.waveform import softened
@@ -63,7 +63,7 @@ def state() -> Fit:
     step = np.concatenate(
         [[1e-3, 1e-6, 1e-6], 1e-3 * np.ones(4), [0.1, -0.1, 0.05, 0.1, 0.1, 0.1, 2e-3, 0.02, 0.03, 0.0]]
     )
-    return evaluated(run_set, moved(start, np.append(step, 0.0)), declared)
+    return evaluated(run_set, stepped(start, np.append(step, 0.0)), declared)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_what_a_candidate_does_is_the_difference_that_its_size_makes(
 def nudged(state: Fit, at: int, by: float) -> Fit:
     step = np.zeros(state.moment.size)
     step[at] = by
-    return evaluated(state.run_set, moved(state.model, step), state.declared, state.waves)
+    return evaluated(state.run_set, stepped(state.model, step), state.declared, state.waves)
 
 
 def both_ways(state: Fit, at: int, by: float) -> tuple[Fit, Fit, float]:
@@ -136,7 +136,7 @@ def test_every_change_of_the_prediction_is_that_of_differences(state: Fit) -> No
 def test_gradient_and_curvature_of_the_objective(state: Fit) -> None:
     """As the step takes them: of the squares over their scale, and of the priors about what was declared."""
     assert state.scale > 2  # beyond what noise makes: the logarithm counts
-    weights, off = state.weights[:-1], deviation(state.model, state.declared, SOFT, 1)
+    weights, off = state.weights[:-1], departures(state.model, state.declared, SOFT, 1)
     for at, by in enumerate(steps(state)[:CURVED]):
         up, down, by = both_ways(state, at, by)
         slope = (up.objective - down.objective) / (2 * by)
@@ -157,7 +157,7 @@ def test_a_zero_that_runs_share_is_taken_off_once(state: Fit) -> None:
     assert moved_zero.moment[:-1] == pytest.approx(state.moment[:-1], rel=1e-4, abs=1e-4 * np.abs(state.moment).max())
     step = np.zeros(state.moment.size)
     step[3:5] = 1e-5  # of the cam
-    after = evaluated(moved_zero.run_set, moved(state.model, step), state.declared, state.waves)
+    after = evaluated(moved_zero.run_set, stepped(state.model, step), state.declared, state.waves)
     zero = -(state.gram[-1, :-1] @ step[:-1]) / state.gram[-1, -1]
     step[-1] = zero
     left = moved_zero.data - 2 * step @ moved_zero.moment + step @ moved_zero.gram @ step
@@ -195,7 +195,7 @@ def test_stiffness_and_sizes_come_back_within_their_uncertainty(seed: int) -> No
     runs = runs_of(true, LOADS, seed=seed, rms=0.5)
     first = begin(declared, runs)
     fit = evaluated(first.run_set, rverror.Model(UNIT, (CAM, PROFILE)), declared)
-    fit = fitted(renoised(fitted(fit, steps=40)), steps=40)
+    fit = fitted(with_estimated_noise(fitted(fit, steps=40)), steps=40)
     assert fit.converged
     assert fit.data < fit.bound
     now = fit.model.mechanism
@@ -270,7 +270,7 @@ def test_a_clearance_never_falls_below_nothing() -> None:
     step, gain = proposed(bound)
     assert step[0] >= 0
     assert gain >= -1e-6
-    assert moved(bound.model, -np.ones(step.size) * 1e-3).effects[0].values == (0.0,)
+    assert stepped(bound.model, -np.ones(step.size) * 1e-3).effects[0].values == (0.0,)
 
 
 def test_steps_never_raise_the_objective_and_end() -> None:
@@ -302,7 +302,7 @@ def test_a_step_stays_within_bounds_and_the_others_make_the_best_of_it() -> None
     root = np.sqrt(fit.weights[free])
     white = np.concatenate([w[1:] for w in fit.rows], axis=1)[free]
     left = np.concatenate([w[0] for w in fit.rows])
-    off = deviation(fit.model, declared, UNIT, 0)[free]
+    off = departures(fit.model, declared, UNIT, 0)[free]
     size = np.linalg.norm(np.concatenate([white, np.diag(root)], axis=1), axis=1)
     other = lsq_linear(
         (np.concatenate([white, np.diag(root)], axis=1) / size[:, None]).T,
@@ -328,7 +328,7 @@ def test_what_a_linear_effect_promises_it_keeps_at_any_share_of_its_step() -> No
         step, gain = proposed(fit, free=np.arange(fit.moment.size) < 2)
         assert promised(fit, step) == gain
         for share in (0.1, 0.5, 1.0):
-            then = evaluated(first.run_set, moved(fit.model, share * step), declared, fit.waves)
+            then = evaluated(first.run_set, stepped(fit.model, share * step), declared, fit.waves)
             assert promised(fit, share * step) == pytest.approx(fit.objective - then.objective, abs=1e-5)
 
 
@@ -387,7 +387,7 @@ def test_what_was_declared_goes_back_and_what_was_added_stays(state: Fit) -> Non
     plain = as_declared(state)
     assert plain.model.mechanism == SOFT
     assert plain.model.effects == (*state.declared.effects, *state.added)
-    assert plain.prior == pytest.approx(float(plain.pull[3:7] @ plain.off[3:7] ** 2))
+    assert plain.prior == pytest.approx(float(plain.pull[3:7] @ plain.departure[3:7] ** 2))
 
 
 def test_stiffness_that_something_stands_on_stays() -> None:
@@ -419,7 +419,7 @@ def test_deviance_is_that_of_normal_noise(state: Fit) -> None:
 
 def test_what_is_lifted_is_the_residual_with_it_back_in(state: Fit) -> None:
     """Its linear part at the contacts as they are; a step from there puts it back to where a whole step does."""
-    rest = lifted(state, 0)
+    rest = without_effect(state, 0)
     assert rest.added == state.added[1:]
     for white, now in zip(rest.rows, state.rows, strict=True):
         assert white[0] == pytest.approx(now[0] + np.array(state.added[0].values) @ now[4:6])
@@ -432,7 +432,7 @@ def test_what_is_lifted_is_the_residual_with_it_back_in(state: Fit) -> None:
 
 
 def test_without_its_rows_a_fit_scores_the_same_and_gets_them_back(state: Fit) -> None:
-    slim = state.slim
+    slim = state.without_rows
     assert (slim.rows, slim.raw) == ((), ())
     assert (slim.objective, slim.prior) == (state.objective, state.prior)
     assert np.array_equal(slim.covariance, state.covariance)

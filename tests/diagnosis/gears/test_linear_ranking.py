@@ -88,8 +88,8 @@ class Linear:
         for part, end in zip(parts, np.cumsum(self.count), strict=True):
             at = slice(first + int(end) - len(part), first + int(end))
             self.prior[at, at] = part
-        self.off = np.concatenate([fit.off[free], np.zeros(len(own))])
-        self.held = fit.prior - float(fit.weights[free] @ fit.off[free] ** 2)
+        self.departure = np.concatenate([fit.departure[free], np.zeros(len(own))])
+        self.held = fit.prior - float(fit.weights[free] @ fit.departure[free] ** 2)
         self.sigmas = sigmas
 
     def step(self, scale: float = 1.0) -> Array:
@@ -97,7 +97,7 @@ class Linear:
         root = np.linalg.cholesky(self.prior + 1e-300 * np.eye(len(self.prior))).T
         size = np.sqrt(np.sum(self.rows**2, axis=1) / scale + np.diag(self.prior))
         stacked = np.concatenate([self.rows.T / math.sqrt(scale), root]) / size
-        aim = np.concatenate([self.rest / math.sqrt(scale), -root @ self.off])
+        aim = np.concatenate([self.rest / math.sqrt(scale), -root @ self.departure])
         return np.asarray(np.linalg.lstsq(stacked, aim, rcond=None)[0] / size)
 
     def objective(self, step: Array) -> float:
@@ -105,7 +105,7 @@ class Linear:
         data = float(np.sum((self.rest - step @ self.rows) ** 2))
         n, m = self.fit.bound, self.fit.run_set.policy.regular
         known = data if data < n else n + m * math.log(1 + (data - n) / m)
-        at = self.off + step
+        at = self.departure + step
         return known + float(at @ self.prior @ at) + self.held
 
     def least(self) -> tuple[float, float]:
@@ -118,7 +118,9 @@ class Linear:
 
         def gradient(x: Array) -> Array:
             rest = self.rest - (x / size) @ self.rows
-            return np.asarray((2 * self.prior @ (self.off + x / size) - 2 * self.rows @ rest / scale(rest)) / size)
+            return np.asarray(
+                (2 * self.prior @ (self.departure + x / size) - 2 * self.rows @ rest / scale(rest)) / size
+            )
 
         def value(x: Array) -> float:
             return self.objective(x / size)

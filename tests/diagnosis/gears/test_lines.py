@@ -12,7 +12,7 @@ import rverror
 from gear_runs import TURN, UNIT, begin, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.gears.fit import Fit, evaluated, renoised
+from rverror.diagnosis.gears.fit import Fit, evaluated, with_estimated_noise
 from rverror.diagnosis.gears.spectrum import best_lines, explained, leading, power_of
 from rverror.diagnosis.policy import POLICY
 
@@ -59,7 +59,7 @@ def test_readings_that_wander_have_no_slow_line_and_a_slow_sine_is_one() -> None
                 rverror.run_from_arrays(input_angle=UNIT.ratio * theta, output_angle=angle, direction="forward")
             )
         fit = begin(MODEL, made)
-        found = [best_lines(one, POLICY, outside=False) for one in (fit, renoised(fit, calm=True))]
+        found = [best_lines(one, POLICY, outside=False) for one in (fit, with_estimated_noise(fit, calm=True))]
         return [any(line.order < 1 for line in lines) for lines in found]
 
     assert not any(any(slow_lines(seed, 0.0)) for seed in range(6))
@@ -86,7 +86,7 @@ def test_what_is_free_already_is_not_found_again() -> None:
     theta = TURN / N * np.arange(3 * N)
     fit = left(2 * ARCSEC * np.cos(23.37 * theta), turns=3)
     records = [replace(r, orders=(23.37,)) for r in fit.run_set.records]
-    freed = renoised(replace(fit, run_set=fit.run_set.with_records(records)))
+    freed = with_estimated_noise(replace(fit, run_set=fit.run_set.with_records(records)))
     assert best_lines(freed, POLICY, outside=False) == []
 
 

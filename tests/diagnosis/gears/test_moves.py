@@ -107,7 +107,7 @@ def first() -> Fit:
 
 
 def trial(first: Fit, *added: Effect, declared: Model = BARE, score: float = 0.0) -> Trial:
-    origin = Score([], POLICY).of(evaluated(first.run_set, declared, declared)).slim
+    origin = Score([], POLICY).of(evaluated(first.run_set, declared, declared)).without_rows
     return Trial(declared.with_effects(*added), score, origin)
 
 
@@ -138,16 +138,16 @@ def test_a_trial_is_solved_then_stepped_until_it_settles_at_the_score_of_its_fit
     """What few angles make of the set that it was made from is taken off, so the score is that over every sample."""
     true = begin(BARE, runs_of(Model(UNIT, (CAM,)), LIGHT, points=2048), points=2048)
     score = Score([(CAM.key, dict(CAM.indices))], POLICY)
-    one: Trial | None = Trial(BARE.with_effects(replace(CAM, values=(1e-4, 1e-4))), 0.0, score.of(true).slim)
+    one: Trial | None = Trial(BARE.with_effects(replace(CAM, values=(1e-4, 1e-4))), 0.0, score.of(true).without_rows)
     taken = []
-    while one is not None and not one.settled:
+    while one is not None and not one.finished:
         one = one.further(score)
         assert one is not None
         taken.append(one.score)
     assert one is not None
     assert one.added[0].values == pytest.approx(CAM.values, abs=3e-4)
     end = score.of(fitted(evaluated(true.run_set, one.model, BARE))).score
-    unseen = true.run_set.freedom - true.run_set.few.freedom  # values of which nothing is known but their number
+    unseen = true.run_set.freedom - true.run_set.coarse.freedom  # values of which nothing is known but their number
     assert taken[-1] == pytest.approx(end, abs=3 * math.sqrt(2 * unseen))
     assert taken[-1] < score.of(true).score - 100
 

@@ -21,10 +21,10 @@ from pages import ROOT
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import half_widths
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted
+from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.reducers import placed, renewed, ripples_apart, with_marks
+from rverror.diagnosis.gears.reducers import placed, ripples_apart, searched_repeatedly, with_marks
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.result import Diagnosis
@@ -180,7 +180,7 @@ def at_marks(
     records, _ = records_of(model, true)
     run_set = RunSet.of(UNIT, records, POLICY, points=512, anywhere=anywhere)
     there = replace(model, effects=(*model.effects, *added))
-    known = begun(run_set, marked(there, ahead), model)
+    known = first_state(run_set, marked(there, ahead), model)
     return fitted(evaluated(known.run_set, marked(there, ahead + off), model), steps=30)
 
 
@@ -246,10 +246,10 @@ def test_a_cause_that_comes_with_the_noise_stands_against_noise_as_well(monkeypa
         left, seen = list(answers), []
         monkeypatch.setattr(Search, "best", lambda self, *also, swap=True, left=left: (left.pop(0), True))
         monkeypatch.setattr(
-            "rverror.diagnosis.gears.reducers.quiet",
+            "rverror.diagnosis.gears.reducers.with_own_noise",
             lambda search, best, fit, parts, seen=seen: seen.append(best) or fit,
         )
-        assert renewed(search_of(fit))[1:] == (answers[-1], True)
+        assert searched_repeatedly(search_of(fit))[1:] == (answers[-1], True)
         assert seen == judged
         assert left == []
 

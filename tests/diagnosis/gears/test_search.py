@@ -16,7 +16,7 @@ from gear_runs import BARE, CAM, LIGHT, OTHER, TURN, UNIT, USUAL, begin, beside,
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import half_widths
-from rverror.diagnosis.gears.fit import Fit, RunSet, begun, evaluated, fitted, renoised
+from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted, with_estimated_noise
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.ranking import Offer, singles
 from rverror.diagnosis.gears.record import records_of
@@ -63,7 +63,7 @@ def linear_offers(search: Search, fit: Fit) -> list[Offer]:
 
 def moved(search: Search, one: Hypothesis) -> list[Hypothesis]:
     """The set with its causes moved, and begun anew."""
-    return raced(search, search.moves.moved(one.slim))
+    return raced(search, search.moves.other_places(one.without_rows))
 
 
 def rivals(search: Search, one: Hypothesis, number: int = 0) -> list[Hypothesis]:
@@ -76,7 +76,7 @@ def stood(search: Search, one: Hypothesis) -> list[Hypothesis]:
     """Sets that were fitted to stand beside one."""
     before = {*search.known, one.names}
     search.keep([one])
-    search.expand(one.slim, search.challengers)
+    search.expand(one.without_rows, search.challengers)
     while search.compare(one):
         pass
     return sorted((h for names, h in search.known.items() if names not in before), key=lambda h: h.score)
@@ -124,7 +124,7 @@ def read(*true: Effect, more: Array | float = 0.0, **rules: Any) -> Watched:
     error = rverror.transmission_error(Model(UNIT, true), THETA, direction=1.0) + more + red(3, THETA.size, 0.3, 0.0)
     run = rverror.run_from_arrays(input_angle=UNIT.ratio * THETA, output_angle=THETA + error, direction="forward")
     keys = [e.key for e in (HEAD, TWICE, PLANET)]
-    known = search_of(fitted(renoised(fitted(begin(BARE, [run], points=512)))), keys, **rules)
+    known = search_of(fitted(with_estimated_noise(fitted(begin(BARE, [run], points=512)))), keys, **rules)
     found = Watched(known.root.fit, known.candidates, known.policy, Journal(quiet))
     found.expanded = []
     return found
@@ -178,13 +178,13 @@ def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
     wrong = search.score.of(beside(search.root.fit, TWICE, PLANET))
     assert search.moves.nearly(wrong)
     assert not search.complete(wrong)
-    first = next(search.moves.exchanged(wrong))
+    first = next(search.moves.exchanges(wrong))
     assert {named(e) for e in first.added} == {named(HEAD), named(TWICE)}
     assert first.score < wrong.score
     search.keep([wrong])
     search.expand_beam()
-    assert (wrong.names, "exchanged") in search.expanded
-    assert (wrong.names, "_elsewhere") not in search.expanded
+    assert (wrong.names, "exchanges") in search.expanded
+    assert (wrong.names, "_other_places") not in search.expanded
 
 
 def test_two_causes_that_fit_as_well_elsewhere_together_are_told() -> None:
@@ -226,7 +226,7 @@ def test_a_set_that_nearly_fits_is_raced_elsewhere_and_has_one_cause_more_in_one
     assert not search.complete(near)
     search.keep([near])
     search.expand_beam()
-    assert [kind for names, kind in search.expanded if names == near.names] == ["_elsewhere", "_singly"]
+    assert [kind for names, kind in search.expanded if names == near.names] == ["_other_places", "_one_more"]
 
 
 @pytest.mark.parametrize("true", [(HEAD,), (HEAD, PLANET)])
@@ -236,7 +236,7 @@ def test_of_a_complete_set_several_causes_are_moved_at_once_last(true: tuple[Eff
     best, done = search.best()
     assert done
     assert best.names == {named(e) for e in true}
-    last = "challengers" if len(true) == 1 else "_elsewhere"
+    last = "challengers" if len(true) == 1 else "_other_places"
     assert search.expanded[-1] == (best.names, last)
 
 
@@ -247,9 +247,9 @@ def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     assert not done
     assert best.names == {named(HEAD)}
     assert len(search.expanded) == len(set(search.expanded))
-    assert {kind for _, kind in search.expanded} > {"_singly", "begun", "_lined"}
+    assert {kind for _, kind in search.expanded} > {"_one_more", "from_all_starts", "_with_late_line"}
     begun, other = (
-        {names for names, kind in search.expanded if (kind == "_begun_beside") == is_it} for is_it in (1, 0)
+        {names for names, kind in search.expanded if (kind == "_single_place_sources") == is_it} for is_it in (1, 0)
     )
     assert begun - other  # beside sets that leave as much as those of the beam, and are not in it
 
@@ -362,8 +362,8 @@ def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_la
     search = search_of(fit, [CAM.key])
     one = search.score.of(fit)
     assert not any(other.slow for other in search_of(short, [CAM.key]).settling(search.score.of(short)))
-    (settling,) = search.settling(one)
-    search.expand(one, search._singly)  # with the first causes: what settles hides smaller ones
+    (settling,) = search.with_settling(one)
+    search.expand(one, search._one_more)  # with the first causes: what settles hides smaller ones
     assert any(other.slow for other in search.known.values())
     assert settling.slow
     assert 50 < fit.objective - settling.fit.objective < inexact(fit)
@@ -463,7 +463,7 @@ def test_what_fits_only_by_straining_gives_way() -> None:
 
 def test_from_what_is_declared_a_linear_step_finds_what_is_missing() -> None:
     search = search_of(settled(Model(OTHER, (CAM,)), CAM))
-    best = raced(search, search.moves.singly(search.root))[0]
+    best = raced(search, search.moves.one_more(search.root))[0]
     assert search.complete(best)
     assert {e.key for e in best.fit.added} == {CAM.key}
     assert best.fit.added[0].values == pytest.approx(CAM.values, abs=3e-4)
@@ -500,10 +500,12 @@ def test_a_clearance_is_found_though_a_linear_step_makes_less_than_nothing_of_it
     )
     stated = Model(UNIT, declared)
     first = begin(stated, runs_of(Model(OTHER, (*made, PLAY)), LIGHT, points=512), points=512)
-    search = search_of(fitted(renoised(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
+    search = search_of(fitted(with_estimated_noise(fitted(first))), [PLAY.key, "cycloid.disc_pitch"])
     offers = linear_offers(search, evaluated(first.run_set, stated, stated))
     assert all(offer.names[0][0] != PLAY.key for offer in offers)
-    found = complete_ones(search, raced(search, [*search.moves.singly(search.root), *search.moves.begun(search.root)]))
+    found = complete_ones(
+        search, raced(search, [*search.moves.one_more(search.root), *search.moves.from_all_starts(search.root)])
+    )
     assert [e.key for e in found[0].fit.added] == [PLAY.key]
     assert found[0].fit.added[0].values[0] == pytest.approx(7e-3, abs=3e-4)
 
@@ -513,10 +515,10 @@ def test_a_wave_of_the_pins_is_found_from_its_starts() -> None:
     fit = settled(Model(OTHER, (WAVE,)), WAVE, conditions=LIGHT)
     search = search_of(fit, [WAVE.key, "cycloid.disc_profile"])
     assert not complete_ones(
-        search, raced(search, [t for t in search.moves.singly(search.root) if t.added[0].key != WAVE.key])
+        search, raced(search, [t for t in search.moves.one_more(search.root) if t.added[0].key != WAVE.key])
     )
     (found,) = complete_ones(
-        search, raced(search, [*search.moves.singly(search.root), *search.moves.begun(search.root)])
+        search, raced(search, [*search.moves.one_more(search.root), *search.moves.from_all_starts(search.root)])
     )[:1]
     assert found.names == {named(WAVE)}
     assert sizes(found, WAVE) == pytest.approx(WAVE.values, abs=5e-4)
@@ -528,9 +530,9 @@ def test_a_pin_out_of_the_circle_and_to_one_side_leads_by_its_starts(side: int) 
     pin = rverror.effect("cycloid.pin_position", pin=12, radial="9 um", tangential=f"{17 * side} um")
     fit = settled(Model(OTHER, (pin,)), pin, conditions=LIGHT)
     search = search_of(fit, ["cycloid.pin_position", "cycloid.pin_radius"])
-    (leading,) = next(search.moves.begun(search.root)).added
+    (leading,) = next(search.moves.from_all_starts(search.root)).added
     assert (leading.key, leading.indices["pin"] % 8) == (pin.key, 4)  # the other disc meets pin 4 as one meets pin 12
-    (linear,) = next(search.moves.singly(search.root)).added
+    (linear,) = next(search.moves.one_more(search.root)).added
     assert linear.indices["pin"] % 8 != 4
 
 
@@ -543,20 +545,20 @@ def test_starts_of_single_lobes_are_solved_at_once_and_those_of_single_pins_when
     assert PIN.key not in offered[True]
     assert {key for key, _ in moves.starting(with_crank=False)} == {WAVE.key}
     assert offered[None] == {LOBE.key, WAVE.key, PIN.key, PINS.key}
-    hidden = [trial for trial in moves.hidden(moves.root) if trial.added[0].key == LOBE.key]
+    hidden = [trial for trial in moves.masked(moves.root) if trial.added[0].key == LOBE.key]
     assert {named(trial.added[0]) for trial in hidden} >= {named(LOBE)}
 
 
 def test_a_source_of_one_place_is_solved_beside_a_set_at_each_of_its_starts_whatever_a_linear_step_says() -> None:
     true = (CAM, PLAY)
     search = search_of(settled(Model(OTHER, true), *true, conditions=LIGHT), [effect.key for effect in true])
-    cam = search.score.of(beside(search.root.whole.fit, CAM)).slim
-    trials = list(search.moves.beside(cam))
+    cam = search.score.of(beside(search.root.with_rows.fit, CAM)).without_rows
+    trials = list(search.moves.single_place_sources(cam))
     assert {trial.added[-1].key for trial in trials} == {PLAY.key}  # a cam has several places
     assert len(trials) == len(source(PLAY.key).starts)
     (found,) = complete_ones(search, raced(search, trials))
     assert found.names == frozenset(map(named, true))
-    assert not list(search.moves.beside(search.root))  # alone they are among the starts of one cause more
+    assert not list(search.moves.single_place_sources(search.root))  # alone they are among the starts of one cause more
 
 
 def test_a_clearance_and_what_only_it_shows_are_found_together() -> None:
@@ -585,7 +587,7 @@ def test_beside_a_profile_that_was_ground_off_the_pin_that_then_carries_is_found
     search = search_of(fit, [profile.key, pin.key])
     both, alone = frozenset(map(named, (profile, pin))), search.score.of(beside(fit, profile))
     assert alone.fit.objective > (search.root.fit.objective + fit.objective) / 2
-    best = raced(search, search.moves.singly(alone))[0]
+    best = raced(search, search.moves.one_more(alone))[0]
     assert search.complete(best)
     assert best.names == both
     assert sizes(best, pin) == pytest.approx(pin.values, abs=5e-4)
@@ -631,7 +633,7 @@ def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_
             fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
             search = search_of(fit, keys, budget=500)  # with starts 64 are enough
             assert search.complete(search.score.of(fit))
-            (linear,) = [o for o in linear_offers(search, search.root.whole.fit) if o.names[0][0] == true.key]
+            (linear,) = [o for o in linear_offers(search, search.root.with_rows.fit) if o.names[0][0] == true.key]
             assert search.root.fit.objective - linear.objective < 10
             found[len(starts)] = *search.best(), true
     best, done, true = found[6]
@@ -700,7 +702,7 @@ def test_no_move_puts_a_cause_into_a_set_twice() -> None:
     waves = [rverror.effect("cycloid.disc_pitch", disc=d, harmonic=2, cos=f"{1 + d} um") for d in (0, 1)]
     fit = settled(Model(OTHER, tuple(waves)), *waves, conditions=LIGHT)
     search = search_of(fit, ["cycloid.disc_pitch"])
-    seen = [trial.added for trial in search.moves.moved(search.score.of(fit))]
+    seen = [trial.added for trial in search.moves.other_places(search.score.of(fit))]
     assert len(seen) > 10
     assert all(len(set(map(named, effects))) == len(effects) for effects in seen)
     assert len({frozenset((named(e), e.values) for e in effects) for effects in seen}) == len(seen)
@@ -725,9 +727,9 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     runs = [replace(r, index="unknown") for r in runs_of(Model(UNIT, (cam, true)), LIGHT, points=1024, marks=ahead)]
     model, anywhere = with_marks(Model(UNIT, (cam,)), runs)
     records, _ = records_of(model, runs)
-    first = begun(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
+    first = first_state(RunSet.of(UNIT, records, POLICY, points=1024, anywhere=anywhere), model, model)
     both = replace(model, effects=(*model.effects, true))
-    known = renoised(fitted(evaluated(first.run_set, marked(both, ahead), model), steps=30))
+    known = with_estimated_noise(fitted(evaluated(first.run_set, marked(both, ahead), model), steps=30))
     wrong = evaluated(known.run_set, marked(both, ahead + off), model)
     free = np.ones(wrong.moment.size, dtype=np.bool_)
     free[2] = False  # the marks, after the cam's two
@@ -741,7 +743,7 @@ def test_marks_are_placed_anew_where_one_cause_is_none(true: Effect, ahead: floa
     assert abs((found.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
     if true.key == PLANET.key:  # the set as it stands, with the marks elsewhere
         search = search_of(fit, [true.key], offsets=offsets)
-        (again,) = complete_ones(search, raced(search, search.moves.turned(one)))[:1]
+        (again,) = complete_ones(search, raced(search, search.moves.other_marks(one)))[:1]
         assert abs((again.fit.model.index_offset - ahead + period / 2) % period - period / 2) < 0.003
 
 
@@ -803,7 +805,7 @@ def test_two_causes_that_share_the_sizes_of_one_give_way_to_it() -> None:
     both = search.score.of(beside(fit, shift, replace(PROFILE, values=(8e-3, -3e-3))))
     assert both.fit.data < both.fit.bound
     assert all(search.score.better(both, part) for part in search.parts(both))
-    trials = [trial for trial in search.moves.swapped(both) if len(trial.added) == 1]
+    trials = [trial for trial in search.moves.swaps(both) if len(trial.added) == 1]
     best = raced(search, trials)[0]
     assert best.names == {named(PROFILE)}
     assert sizes(best, PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
@@ -826,7 +828,7 @@ def test_what_shows_by_its_square_is_a_rival_and_has_either_sign() -> None:
     fit = settled(Model(OTHER, (RUNOUT,)), RUNOUT, conditions=LIGHT)
     search = search_of(fit)
     wave = search.score.of(beside(fit, Effect("cycloid.disc_pitch", {"disc": 1, "harmonic": 2}, (-5e-4, -4e-4))))
-    (linear,) = [o for o in linear_offers(search, search.root.whole.fit) if o.names[0][0] == RUNOUT.key]
+    (linear,) = [o for o in linear_offers(search, search.root.with_rows.fit) if o.names[0][0] == RUNOUT.key]
     assert search.root.fit.objective - linear.objective < 10
     (rival,) = [one for one in rivals(search, wave) if one.names == {named(RUNOUT)}]
     assert search.complete(rival)
@@ -888,7 +890,7 @@ def test_what_declared_sizes_may_hide_is_fitted_whatever_it_promises_at_first(
     """From sizes as declared it takes some steps until a promise says anything."""
     search = search_of(right, NEAR_CAMS)
     (cause,) = right.added
-    trial = Trial(search.root.fit.model.with_effects(cause), math.inf, search.root.slim)
+    trial = Trial(search.root.fit.model.with_effects(cause), math.inf, search.root.without_rows)
     monkeypatch.setattr(search.moves, "hidden", lambda one: iter([trial]))
     list(search.challengers(search.root))
     assert frozenset({named(cause)}) in search.known
@@ -902,7 +904,7 @@ def test_a_rival_is_followed_where_its_promise_may_be_off_by_what_it_lacks(
     search = search_of(right, NEAR_CAMS)
     best = search.score.of(right)
     search.keep([best])
-    trial = Trial(right.model, best.score + search.margin + behind, search.root.slim)
+    trial = Trial(right.model, best.score + search.margin + behind, search.root.without_rows)
     search.expand(search.root, lambda one: iter([trial]))
     assert search.compare(best) == followed
 
@@ -916,5 +918,5 @@ def test_every_end_of_a_race_that_comes_near_a_complete_set_is_fitted(right: Fit
     both = [right.model, replace(right.model, effects=(*right.declared.effects, twin))]
     fitted_sets = list[frozenset[object]]()
     search.keep = lambda found: fitted_sets.extend(h.names for h in found)  # type: ignore[method-assign]
-    search.race([Trial(model, one.score, search.root.slim) for model in both])
+    search.race([Trial(model, one.score, search.root.without_rows) for model in both])
     assert set(fitted_sets) == {one.names, frozenset({named(twin)})}

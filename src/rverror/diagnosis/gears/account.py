@@ -156,7 +156,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     result = [np.zeros_like(rest) for rest in rests]
     usable = [np.asarray(r.whiten.usable) for r in run_set.records]
     # no stretch tells how another one settles, or what lies beyond a slip
-    settled = [r.settled(rest) if r.slow or r.slips else 0.0 for r, rest in zip(run_set.records, rests, strict=True)]
+    settled = [r.slow_part(rest) if r.slow or r.slips else 0.0 for r, rest in zip(run_set.records, rests, strict=True)]
     for fold in range(max(int(label.max()) + 1 for label in labels)):
         step = np.zeros(fit.moment.size)
         if not hold and free.any():

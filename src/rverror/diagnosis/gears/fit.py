@@ -109,7 +109,7 @@ class RunSet:
 
     def slow_notes(self, record: Record, rest: Array) -> list[str]:
         """What the residual of a record that settles does so by, in words."""
-        slow = replace(record, slips=()).settled(rest)
+        slow = replace(record, slips=()).slow_part(rest)
         return [f"{record.name}: the reading drifts and settles by {np.ptp(slow) / ARCSEC:.3g} arcsec; taken off"]
 
     def coarser(self, points: int) -> RunSet:
@@ -129,7 +129,7 @@ class RunSet:
         return replace(self, conditions=tuple(turns))
 
     @cached_property
-    def few(self) -> RunSet:
+    def coarse(self) -> RunSet:
         """The same on fewer angles and through means of samples: near enough to choose what is fitted to all.
 
         What is a table's is few already.
@@ -273,7 +273,7 @@ class Fit:
     converged: bool = True
 
     @property
-    def slim(self) -> Fit:
+    def without_rows(self) -> Fit:
         """The same without its rows, which are large; `onto` its set of runs has them again."""
         return replace(self, rows=(), raw=())
 
@@ -343,14 +343,14 @@ class Fit:
         return np.where(self.free, self.weights, 0.0)
 
     @cached_property
-    def off(self) -> Array:
+    def departure(self) -> Array:
         """How far each value is from the middle of its prior."""
-        return deviation(self.model, self.declared, self.run_set.unit, len(self.run_set.zeros))
+        return departures(self.model, self.declared, self.run_set.unit, len(self.run_set.zeros))
 
     @cached_property
     def prior(self) -> float:
         """Squares of the priors."""
-        return float(self.pull @ self.off**2)
+        return float(self.pull @ self.departure**2)
 
     @cached_property
     def proposal(self) -> tuple[Array, float]:
@@ -416,13 +416,13 @@ def covariance_of(gram: Array, weights: Array) -> Array:
     return result
 
 
-def deviation(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) -> Array:
+def departures(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) -> Array:
     """How far each value is from the middle of its prior."""
-    off: list[float] = []
+    found: list[float] = []
     for i, effect in enumerate(fit_model.effects):
         middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
-        off += [v - m for v, m in zip(effect.values, middle, strict=True)]
-    return np.array([*off, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
+        found += [v - m for v, m in zip(effect.values, middle, strict=True)]
+    return np.array([*found, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
 
 
 def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
@@ -484,7 +484,7 @@ def _whitened(observation: Observation, rows: Array) -> Array:
     return result
 
 
-def moved(model: Model, step: Array) -> Model:
+def stepped(model: Model, step: Array) -> Model:
     """The model with all values and compliances changed by a step."""
     effects, at = [], 0
     for effect in model.effects:
@@ -524,7 +524,7 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
         if gain < enough:
             return replace(fit, converged=True)
         try:
-            trial = evaluated(fit.run_set, moved(fit.model, part * step), fit.declared, fit.waves)
+            trial = evaluated(fit.run_set, stepped(fit.model, part * step), fit.declared, fit.waves)
         except NotConvergedError:
             trial = None
         fallen = -math.inf if trial is None else fit.objective - trial.objective
@@ -542,10 +542,10 @@ def fitted(fit: Fit, *, steps: int = 12, free: Flags | None = None, enough: floa
     return replace(fit, converged=False)
 
 
-def settled(fit: Fit) -> Fit:
-    """The fit to every sample, by way of few."""
-    few = fitted(onto(fit.run_set.few, fit))
-    return fitted(evaluated(fit.run_set, few.model, fit.declared))
+def fitted_from_coarse(fit: Fit) -> Fit:
+    """The fit to every sample, by way of the coarse grid."""
+    coarse = fitted(onto(fit.run_set.coarse, fit))
+    return fitted(evaluated(fit.run_set, coarse.model, fit.declared))
 
 
 def bounds(fit: Fit) -> tuple[Array, Array]:
@@ -562,14 +562,14 @@ def proposed(fit: Fit, free: Flags | None = None, damping: float = 0.0) -> tuple
 
     A value that would go beyond its bound goes that far, and the others make the best of it.
     """
-    weights, off = fit.pull, fit.off
+    weights, departure = fit.pull, fit.departure
     vary = fit.free if free is None else free & fit.free
     low, high = bounds(fit)
     step, scale = np.zeros(weights.size), fit.scale
     for _ in range(4):
         held, step = vary.copy(), np.zeros(weights.size)
         while held.any():
-            right = (fit.moment - fit.gram @ np.where(held, 0.0, step))[held] / scale - weights[held] * off[held]
+            right = (fit.moment - fit.gram @ np.where(held, 0.0, step))[held] / scale - weights[held] * departure[held]
             step[held] = solved(fit.gram[held][:, held] / scale, right, weights[held], damping)
             beyond = held & ((step < low) | (step > high))
             if not beyond.any():
@@ -611,10 +611,10 @@ def left_by(fit: Fit, step: Array) -> float:
 def promised(fit: Fit, step: Array) -> float:
     """Fall of the objective after a step, as far as the prediction is linear."""
     left = counted(left_by(fit, step), fit.bound, fit.run_set.policy)
-    return fit.objective - left - float(fit.pull @ (fit.off + step) ** 2)
+    return fit.objective - left - float(fit.pull @ (fit.departure + step) ** 2)
 
 
-def renoised(fit: Fit, *, calm: bool = False) -> Fit:
+def with_estimated_noise(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records, rests = fit.run_set.records, _left_as_noise(fit)
     total, used = float(sum(r.kept.sum() for r in records)), float(fit.free.sum())
@@ -622,24 +622,24 @@ def renoised(fit: Fit, *, calm: bool = False) -> Fit:
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
     noises = [
-        noise_of(rest, r.kept, share, floor=floor, calm=calm, few=fit.run_set.linear, parts=r.sides)
+        noise_of(rest, r.kept, share, floor=floor, calm=calm, by_criterion=fit.run_set.linear, parts=r.sides)
         for r, rest, share in three
     ]
-    return _under(fit, noises)
+    return _with_noises(fit, noises)
 
 
-def walked(fit: Fit, like: Fit) -> Fit:
+def with_walk(fit: Fit, like: Fit) -> Fit:
     """The same sizes under the noise of a fit, with the random walk beside it that their residual shows."""
     three = zip(like.run_set.records, fit.run_set.records, _left_as_noise(fit), strict=True)
-    return _under(fit, [walking(one.noise, rest, r.kept) for one, r, rest in three if one.noise])
+    return _with_noises(fit, [walking(one.noise, rest, r.kept) for one, r, rest in three if one.noise])
 
 
-def under(fit: Fit, like: Fit) -> Fit:
+def with_noise_of(fit: Fit, like: Fit) -> Fit:
     """The same sizes under the noise of another fit."""
-    return _under(fit, [record.noise for record in like.run_set.records])
+    return _with_noises(fit, [record.noise for record in like.run_set.records])
 
 
-def _under(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
+def _with_noises(fit: Fit, noises: Sequence[RunNoise | None]) -> Fit:
     records = [replace(record, noise=noise) for record, noise in zip(fit.run_set.records, noises, strict=True)]
     return evaluated(fit.run_set.with_records(records), fit.model, fit.declared, fit.waves)
 
@@ -649,7 +649,7 @@ def _left_as_noise(fit: Fit) -> list[Array]:
     return [r.told_as_noise(rest) for r, rest in zip(fit.run_set.records, fit.residual, strict=True)]
 
 
-def begun(run_set: RunSet, model: Model, declared: Model) -> Fit:
+def first_state(run_set: RunSet, model: Model, declared: Model) -> Fit:
     """The first state: noise of what the model leaves as it stands."""
     flat = [
         replace(
@@ -660,7 +660,7 @@ def begun(run_set: RunSet, model: Model, declared: Model) -> Fit:
         )
         for r in run_set.records
     ]
-    return renoised(evaluated(run_set.with_records(flat), model, declared))
+    return with_estimated_noise(evaluated(run_set.with_records(flat), model, declared))
 
 
 def onto(run_set: RunSet, fit: Fit) -> Fit:
@@ -685,7 +685,7 @@ def as_declared(fit: Fit) -> Fit:
         return fit
 
 
-def lifted(fit: Fit, number: int) -> Fit:
+def without_effect(fit: Fit, number: int) -> Fit:
     """The state without one of the added effects' part, the contacts as they are with it."""
     effects, at = fit.model.effects, len(fit.declared.effects) + number
     first = sum(len(e.values) for e in effects[:at])

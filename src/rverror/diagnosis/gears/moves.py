@@ -18,7 +18,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.diagnosis.gears.contact_gaps import ContactGaps
-from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, lifted, onto
+from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, onto, without_effect
 from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
 from rverror.diagnosis.gears.score import Hypothesis, Score, identity, named
 from rverror.diagnosis.gears.trial import Trial
@@ -176,7 +176,7 @@ class Moves:
 
     # --- one cause more, or two ---------------------------------------------------------------------------------------
 
-    def singly(self, one: Hypothesis) -> Iterator[Trial]:
+    def one_more(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more, by linear steps and from starts.
 
         Linear steps begin at the sizes as declared: fitted ones have moved to make up for what is missing; at the
@@ -191,29 +191,29 @@ class Moves:
             coarse, blocks = self.influences(one)
             yield from self._offered(one, coarse.model, singles(coarse, blocks, cost))
         yield from self._offered(one, plain.model, singles(plain, linear, cost, hold=True))
-        yield from self._begun(one, self.starting(with_crank=True))
+        yield from self._from_starts(one, self.starting(with_crank=True))
         if not one.fit.added:
             yield from self._at_other_marks(one, plain, self.blocks)
 
-    def doubly(self, one: Hypothesis) -> Iterator[Trial]:
+    def two_more(self, one: Hypothesis) -> Iterator[Trial]:
         """Two causes more at once."""
         if self._room(one) > 1:
             plain, linear = self._plain(one)
             both = linear + self._starts(plain, self.starting(with_crank=True))
             yield from self._offered(one, plain.model, pairs(plain, both, self.score.cost, most=_OFFERED))
 
-    def beside(self, one: Hypothesis) -> Iterator[Trial]:
+    def single_place_sources(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place beside a set, at all its starts: what it does hangs on the bearings' loads, and so on
         the other causes."""
         if one.fit.added and self._room(one):
-            fit = one.few
-            yield from (Trial(fit.model.with_effects(e), one.score, one.slim) for e in self._begun_alone(fit))
+            fit = one.coarse
+            yield from (Trial(fit.model.with_effects(e), one.score, one.without_rows) for e in self._single_places(fit))
 
-    def begun(self, one: Hypothesis) -> Iterator[Trial]:
+    def from_all_starts(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more, or two, from all starts."""
-        yield from self._begun(one, self.starting(), in_pairs=True)
+        yield from self._from_starts(one, self.starting(), in_pairs=True)
 
-    def _begun(self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False) -> Iterator[Trial]:
+    def _from_starts(self, one: Hypothesis, names: tuple[Named, ...], *, in_pairs: bool = False) -> Iterator[Trial]:
         """One cause more, or two, of which one at least begins at a start of some candidates."""
         if not names:
             return
@@ -240,9 +240,9 @@ class Moves:
 
     # --- others in place of what is there -----------------------------------------------------------------------------
 
-    def moved(self, one: Hypothesis) -> Iterator[Trial]:
+    def other_places(self, one: Hypothesis) -> Iterator[Trial]:
         """A set with its causes in equivalent places, begun anew from their starts, or with the marks elsewhere."""
-        fit = as_declared(one.few)
+        fit = as_declared(one.coarse)
         declared, added, unit = fit.model.effects[: len(fit.declared.effects)], fit.added, fit.run_set.unit
         free = {identity(name) for name in self.free(fit)} | {named(e) for e in added}
         places = [[e, *(p for p in equivalents(e, unit) if named(p) in free)] for e in added]
@@ -258,11 +258,11 @@ class Moves:
             if len(set(map(named, one_set))) == len(one_set)
         ]
         models += [marked(fit.model, offset) for offset in self._angles]
-        yield from (Trial(model, one.score, one.slim) for model in models)
+        yield from (Trial(model, one.score, one.without_rows) for model in models)
 
-    def turned(self, one: Hypothesis) -> Iterator[Trial]:
+    def other_marks(self, one: Hypothesis) -> Iterator[Trial]:
         """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
-        fit = one.few
+        fit = one.coarse
         first, free = len(fit.declared.effects), {identity(name) for name in self.free(fit)}
         models = [fit.model] + [
             replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
@@ -270,9 +270,9 @@ class Moves:
             for other in equivalents(effect, fit.run_set.unit)
             if named(other) in free
         ]
-        yield from (Trial(marked(m, offset), one.score, one.slim) for offset in self._angles for m in models)
+        yield from (Trial(marked(m, offset), one.score, one.without_rows) for offset in self._angles for m in models)
 
-    def hidden(self, one: Hypothesis) -> Iterator[Trial]:
+    def masked(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more that sizes and stiffness hide, which have moved to make up for it: seen from where they were
         declared, and from where they are."""
         if self._room(one):
@@ -282,27 +282,27 @@ class Moves:
                 offers = [offer for offer in singles(state, some, cost) if offer.score < offer.without]
                 yield from self._offered(one, state.model, offers)
 
-    def swapped(self, one: Hypothesis) -> Iterator[Trial]:
+    def swaps(self, one: Hypothesis) -> Iterator[Trial]:
         """Others in the place of each cause: such as close the same gaps, equivalent places, linear steps, and starts
         of what repeats with the crank as the cause does, or does not."""
         fit, blocks = self.influences(one)
         unit, free = fit.run_set.unit, self.free(fit)
         gaps = self._once("gaps", self.candidates, lambda: ContactGaps(fit.run_set.gears))
         for number, effect in enumerate(fit.added):
-            rest, own = lifted(fit, number), columns_of(fit, [(effect.key, effect.indices)])
+            rest, own = without_effect(fit, number), columns_of(fit, [(effect.key, effect.indices)])
             able = {identity(other) for other in free} | {named(effect)}
             others = [e for e in equivalents(effect, unit) if named(e) in able]
             for other in (*gaps.equivalents(effect, free), *gaps.near(effect, free), *others):
-                yield Trial(rest.model.with_effects(other), one.score, one.slim)
+                yield Trial(rest.model.with_effects(other), one.score, one.without_rows)
             # another cause of the set may be all of it, with the sizes of both
             for other in gaps.near(effect, [(e.key, e.indices) for e in rest.added]):
-                yield Trial(_enlarged(rest.model, other), one.score, one.slim)
+                yield Trial(_enlarged(rest.model, other), one.score, one.without_rows)
             with_crank = source(effect.key).repeats_with_crank(unit, effect.indices)
-            begun = self._starts(fit, self.starting(with_crank=with_crank))
-            for hold, some in ((False, blocks), (True, blocks), (False, begun)):
+            from_starts = self._starts(fit, self.starting(with_crank=with_crank))
+            for hold, some in ((False, blocks), (True, blocks), (False, from_starts)):
                 yield from self._in_place_of(one, fit, number, [*some, *own], hold=hold)
 
-    def exchanged(self, one: Hypothesis) -> Iterator[Trial]:
+    def exchanges(self, one: Hypothesis) -> Iterator[Trial]:
         """Another cause in the place of each, by linear steps from the fitted sizes of the others.
 
         Where two of three causes are right, their sizes are nearly so, and the step that replaces the third says more
@@ -321,27 +321,27 @@ class Moves:
         """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself
         by the same step, or has where that leads to sizes which cannot be."""
         name, cost = (fit.added[number].key, fit.added[number].indices), self.score.cost
-        rest = lifted(fit, number)
+        rest = without_effect(fit, number)
         offers = singles(rest, blocks, cost, hold=hold)
         mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
         return self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
 
-    def alone(self, one: Hypothesis) -> Iterator[Trial]:
+    def single_place_alone(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place from all its starts, in the place of a cause of its frame, and of two causes or more.
 
         Its wave grows with the square of its size, so no linear step tells that it may stand for them.
         """
-        fit = one.few
+        fit = one.coarse
         for number, effect in enumerate(fit.added):
             at = len(fit.declared.effects) + number
             rest = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
-            for begun in self._begun_alone(fit):
-                if source(begun.key).frame == source(effect.key).frame:
-                    yield Trial(rest.with_effects(begun), one.score, one.slim)
+            for start in self._single_places(fit):
+                if source(start.key).frame == source(effect.key).frame:
+                    yield Trial(rest.with_effects(start), one.score, one.without_rows)
         if len(fit.added) > 1:
-            root = self.root.few
-            for begun in self._begun_alone(root):
-                yield Trial(root.model.with_effects(begun), one.score, self.root)
+            root = self.root.coarse
+            for start in self._single_places(root):
+                yield Trial(root.model.with_effects(start), one.score, self.root)
 
     # --- what offers are made of --------------------------------------------------------------------------------------
 
@@ -358,7 +358,7 @@ class Moves:
             Trial(
                 with_offer(model, offer),
                 round(one.score + offer.score - (offer.without if mine is None else mine), 6),
-                one.slim,
+                one.without_rows,
             )
             for offer in offers[:_OFFERED]
         ]
@@ -380,7 +380,7 @@ class Moves:
         """A set on few angles, and every candidate's influence there."""
 
         def made() -> tuple[Fit, list[Columns]]:
-            fit = onto(one.fit.run_set.few, one.fit)
+            fit = onto(one.fit.run_set.coarse, one.fit)
             return fit, self.blocks(fit)
 
         return self._lately("fitted", one, made)
@@ -389,7 +389,7 @@ class Moves:
         """The same with all declared sizes as declared."""
 
         def made() -> tuple[Fit, list[Columns]]:
-            plain = as_declared(onto(one.fit.run_set.few, one.fit))
+            plain = as_declared(onto(one.fit.run_set.coarse, one.fit))
             return plain, self.blocks(plain)
 
         return self._lately("declared", one, made)
@@ -430,7 +430,7 @@ class Moves:
             or (entry.repeats_with_crank(unit, indices) == with_crank and (with_crank or places[key] <= _FEW_PLACES))
         )
 
-    def _begun_alone(self, fit: Fit) -> list[Effect]:
+    def _single_places(self, fit: Fit) -> list[Effect]:
         """Candidates of sources with one place, at each of their starts."""
         names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
         return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]

@@ -24,7 +24,7 @@ from rverror.diagnosis.gears.fit import Fit, bounds
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
-_SHRUNK = 0.5  # of a start: below it the fit is begun at the start too
+_SHRUNK = 0.5  # of a start: below it the fit is tried from the start too
 _REGULAR = 1e-9  # of two blocks that are as good as one
 SCALES = 8  # from that of the fit to that of noise: some per cent of what is taken off
 
@@ -135,20 +135,20 @@ def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float],
 
 def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *, most: int) -> list[Offer]:
     """The best pairs of candidates, of blocks with one or two columns."""
-    few = [block for block in blocks if len(block.directions) <= 2]
-    if len(few) < 2:
+    small = [block for block in blocks if len(block.directions) <= 2]
+    if len(small) < 2:
         return []
-    count = len(few)
+    count = len(small)
     least, steps, worth = np.full((count, count), math.inf), np.zeros((2, count, count)), np.zeros((count, count))
-    starts = np.array([block.start for block in few])
-    reductions = _reductions(fit, few, hold=False, whole=True)
+    starts = np.array([block.start for block in small])
+    reductions = _reductions(fit, small, hold=False, whole=True)
     for one in reductions:
         objective, step, own = _pair_objectives(one, starts)
         better = objective < least
         least, steps = np.where(better, objective, least), np.where(better, step, steps)
         worth = np.where(better, own, worth)
-    costs = np.array([cost(block.name) for block in few])
-    names = [(block.name[0], tuple(sorted(block.name[1].items()))) for block in few]
+    costs = np.array([cost(block.name) for block in small])
+    names = [(block.name[0], tuple(sorted(block.name[1].items()))) for block in small]
     number = {name: at for at, name in enumerate(dict.fromkeys(names))}
     own = np.array([number[name] for name in names])
     apart = (own[:, None] < own) & np.isfinite(least) & np.isfinite(least.T)
@@ -157,12 +157,12 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     without = min(one.constant for one in reductions)
     for place in np.argsort(score, axis=None)[: 8 * most]:
         i, j = divmod(int(place), count)
-        pair, names_of = (int(own[i]), int(own[j])), (few[i].name, few[j].name)
+        pair, names_of = (int(own[i]), int(own[j])), (small[i].name, small[j].name)
         if pair in seen or not math.isfinite(score[i, j]):
             continue
         sized = [
             (block, step[: len(block.directions)])
-            for block, step in ((few[i], steps[:, j, i]), (few[j], steps[:, i, j]))
+            for block, step in ((small[i], steps[:, j, i]), (small[j], steps[:, i, j]))
         ]
         sizes = tuple(step @ block.directions for block, step in sized)
         if all(_can(block, step, size) for (block, step), size in zip(sized, sizes, strict=True)):
@@ -210,7 +210,7 @@ def _can(block: Columns, step: Array, sizes: Array) -> bool:
 def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool) -> list[_Reduced]:
     """What blocks see, at some scales from that of the fit down to that of noise."""
     low, high = bounds(fit)
-    pull = fit.moment / fit.scale - fit.pull * fit.off
+    pull = fit.moment / fit.scale - fit.pull * fit.departure
     stopped = ((low == 0) & (pull < 0)) | ((high == 0) & (pull > 0))  # at a bound, and would go on
     free = fit.free & ~stopped & (not hold)
     ends = np.cumsum([0, *(len(block.directions) for block in blocks)])
@@ -229,7 +229,7 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool)
     n = fit.bound
     for scale in np.geomspace(fit.scale, 1.0, SCALES if fit.scale > 1 else 1):
         matrix = fit.gram[free][:, free] / scale + np.diag(fit.pull[free])
-        right = fit.moment[free] / scale - (fit.pull * fit.off)[free]
+        right = fit.moment[free] / scale - (fit.pull * fit.departure)[free]
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
         squares = n + fit.run_set.policy.regular * (scale - 1)  # at which a square counts so much less

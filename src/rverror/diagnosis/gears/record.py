@@ -15,7 +15,7 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.waveform import LoadCase, under
+from rverror.diagnosis.gears.waveform import LoadCase, conditions_at
 from rverror.diagnosis.noise import RunNoise, Whitening
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
@@ -138,7 +138,7 @@ class Record:
 
     def pose(self, unit: Mechanism) -> Pose:
         """Motion at the samples."""
-        return motion(unit, under(self.theta, self.direction, self.torque, self.time))
+        return motion(unit, conditions_at(self.theta, self.direction, self.torque, self.time))
 
     @cached_property
     def senses(self) -> tuple[float, ...]:
@@ -150,7 +150,7 @@ class Record:
         """Output turns that it travels."""
         return float(np.ptp(self.theta)) / _TURN * self.theta.size / max(self.theta.size - 1, 1)
 
-    def settled(self, rest: Array) -> Array:
+    def slow_part(self, rest: Array) -> Array:
         """What it drifts and settles by, and slips, by least squares on a residual."""
         own = replace(self, slow=False, slips=()).nuisance
         steps = np.array([np.arange(rest.size) >= at for at in self.slips], dtype=np.float64).reshape(-1, rest.size)

@@ -16,14 +16,14 @@ from rverror.diagnosis.gears.fit import (
     Fit,
     RunSet,
     as_compared,
-    begun,
     evaluated,
+    first_state,
     fitted,
+    fitted_from_coarse,
     onto,
-    renoised,
-    settled,
-    under,
-    walked,
+    with_estimated_noise,
+    with_noise_of,
+    with_walk,
 )
 from rverror.diagnosis.gears.moves import marked
 from rverror.diagnosis.gears.record import Record, records_of
@@ -45,7 +45,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.loaded_state import NotConvergedError
 
-Stilled = Callable[[Search, Hypothesis, Fit], Fit]
+NoiseRule = Callable[[Search, Hypothesis, Fit], Fit]
 
 _PLACING = 512  # angles a turn on which the marks are looked for
 _RIPPLES = 3  # to either side of marks that were found: declared sizes are seldom known less well
@@ -85,13 +85,13 @@ def diagnose_reducer(
         )
     tell("predicting the declared model")
     run_set = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
-    first = begun(run_set, model, model)
+    first = first_state(run_set, model, model)
     candidates = candidates_of(model, records, policy)
     notes += run_set.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
-    search = Search(fitted(renoised(settled(first))), candidates, policy, journal, offsets)
-    search, best, done = renewed(search)
+    search = Search(fitted(with_estimated_noise(fitted_from_coarse(first))), candidates, policy, journal, offsets)
+    search, best, done = searched_repeatedly(search)
     if not done and search.spent > policy.budget:
         notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
     beside = search.opposites(best) if done else []
@@ -102,14 +102,14 @@ def diagnose_reducer(
     return account(declared, model, runs, search, search.root, best, done, notes, beside)
 
 
-def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hypothesis, bool]:
+def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> tuple[Search, Hypothesis, bool]:
     """Search, and again under the noise that the best set leaves, until nothing changes.
 
     Parameters
     ----------
     search : Search
-    stilled : callable, optional
-        What gives that noise to every set; `quiet` where left out, to such as are complete.
+    noise_rule : callable, optional
+        What gives that noise to every set; `with_own_noise` where left out, to such as are complete.
 
     Returns
     -------
@@ -132,22 +132,24 @@ def renewed(search: Search, stilled: Stilled | None = None) -> tuple[Search, Hyp
             else None
         )
         seen = fit if changed is None else onto(fit.run_set.with_records(changed), fit)
-        if stilled:
-            still = stilled(search, best, seen)
+        if noise_rule:
+            latest = noise_rule(search, best, seen)
+        elif done:
+            latest = with_own_noise(search, best, seen, [] if changed else search.parts(best))
         else:
-            still = quiet(search, best, seen, [] if changed else search.parts(best)) if done else renoised(seen)
-        bare = [replace(r, orders=(), slow=False) for r in still.run_set.records]
-        root = fitted(onto(still.run_set.with_records(bare), search.root.fit))
+            latest = with_estimated_noise(seen)
+        bare = [replace(r, orders=(), slow=False) for r in latest.run_set.records]
+        root = fitted(onto(latest.run_set.with_records(bare), search.root.fit))
         search = search.anew(root)
         before = best.names
-        best, done = search.best(search.score.of(fitted(still), best.lines, best.slow))
-        settled = done and (best.names <= before if stilled is None else best.names == before)
+        best, done = search.best(search.score.of(fitted(latest), best.lines, best.slow))
+        settled = done and (best.names <= before if noise_rule is None else best.names == before)
         if changed is None and (settled or search.spent > policy.budget):
             break
     return search, best, done
 
 
-def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> Fit:
+def with_own_noise(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesis]) -> Fit:
     """A complete set under the noise that it leaves, or that a part of it leaves where that is as likely.
 
     A random walk makes order 1 and a drift: once they are fitted, what is left is quieter than it was.  So each cause
@@ -168,17 +170,17 @@ def quiet(search: Search, best: Hypothesis, seen: Fit, parts: Sequence[Hypothesi
     Fit
         Of the same sizes.
     """
-    own = renoised(seen, calm=True)
+    own = with_estimated_noise(seen, calm=True)
     if own.data > own.bound:  # of a run that holds copies: what was noise would be none
         return seen
     for part in parts:
         bare = onto(seen.run_set.with_records(part.fit.run_set.records), part.fit)
         if _slopes(part) < _slopes(best):
-            with_all, without = (walked(fit, own) for fit in (seen, bare))
+            with_all, without = (with_walk(fit, own) for fit in (seen, bare))
         else:
-            with_all, without = own, renoised(bare, calm=True)
+            with_all, without = own, with_estimated_noise(bare, calm=True)
         if without.deviance < with_all.deviance + search.score.by_chance(best, part):
-            return under(seen, without)
+            return with_noise_of(seen, without)
     return own
 
 
@@ -232,7 +234,7 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
 
     trials = sorted(each(left_at, [span * at / count for at in range(count)]))
     offsets = tuple(angle for _, angle in trials)
-    return renoised(turned_to(first, offsets[0])), offsets
+    return with_estimated_noise(turned_to(first, offsets[0])), offsets
 
 
 def turned_to(fit: Fit, offset: float) -> Fit:

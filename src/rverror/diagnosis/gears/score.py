@@ -55,19 +55,19 @@ class Hypothesis:
     score: float
 
     @property
-    def slim(self) -> Hypothesis:
+    def without_rows(self) -> Hypothesis:
         """The same with a fit without its rows."""
-        return replace(self, fit=self.fit.slim) if self.fit.rows else self
+        return replace(self, fit=self.fit.without_rows) if self.fit.rows else self
 
     @property
-    def whole(self) -> Hypothesis:
+    def with_rows(self) -> Hypothesis:
         """The same with the rows of its fit."""
         return replace(self, fit=onto(self.fit.run_set, self.fit))
 
     @cached_property
-    def few(self) -> Fit:
+    def coarse(self) -> Fit:
         """Its state on few angles, without rows."""
-        return onto(self.fit.run_set.few, self.fit).slim
+        return onto(self.fit.run_set.coarse, self.fit).without_rows
 
     @property
     def names(self) -> frozenset[object]:
@@ -164,7 +164,7 @@ def strained(fit: Fit) -> bool:
     first = sum(len(e.values) for e in fit.declared.effects)
     weights = fit.pull.copy()
     weights[first : sum(len(e.values) for e in fit.model.effects)] = 0.0
-    return float(weights @ fit.off**2) > chi_square(fit.run_set.policy.strained, max(int((weights > 0).sum()), 1))
+    return float(weights @ fit.departure**2) > chi_square(fit.run_set.policy.strained, max(int((weights > 0).sum()), 1))
 
 
 def unsure(fit: Fit, policy: Policy) -> float:

@@ -31,7 +31,7 @@ from rverror.statics.loaded_state import NotConvergedError
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
 _LOOKED_AT = 40  # more that are solved once, where those did not complete a set
-_AS_GOOD = 4  # times the sets of a beam: beside them sources of one place are begun
+_AS_GOOD = 4  # times the sets of a beam: beside them sources of one place are tried from their starts
 _DOUBT = (1, 2, 1, 0)  # times _CLOSE, of what a trial promises that is not solved, solved, and took steps
 _CLOSE = 60.0  # by which fits on few angles and linear steps may be off
 
@@ -68,7 +68,7 @@ class Search:
         self.candidates, self.policy, self.journal = tuple(candidates), policy, journal
         self.score = Score(candidates, policy)
         self.known: dict[frozenset[object], Hypothesis] = {}
-        self.root = self.score.of(root).slim
+        self.root = self.score.of(root).without_rows
         self.moves = Moves(self.root, candidates, self.score, offsets, Starts(root.declared))
         self._width, self._rounds, self._solved = 1, 0, 0
         self._queue: list[Trial] = []
@@ -111,17 +111,17 @@ class Search:
             best = self.pruned(self._leader)
             if self.complete(best):
                 if not swap:
-                    return best.whole, True
-                if not (self.expand(best, self.challengers) or self.compare(best) or self._joined(best)):
-                    return best.whole, True
+                    return best.with_rows, True
+                if not (self.expand(best, self.challengers) or self.compare(best) or self._race_all_places(best)):
+                    return best.with_rows, True
             elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
-                return best.whole, False
+                return best.with_rows, False
             else:
                 going, self._rounds = self.expand_beam() | self.race_each(), self._rounds + 1
                 if not going or self._rounds == self.rounds * self._width:
                     self._width, self._rounds = 2 * self._width, 0
         best = self.pruned(self._leader)
-        return best.whole, self.complete(best)
+        return best.with_rows, self.complete(best)
 
     def compare(self, best: Hypothesis) -> bool:
         """Take each trial that may come near a complete set a step further; false where there is none."""
@@ -129,8 +129,8 @@ class Search:
         trials = [trial for trial in self._queue if self._may_reach(trial, limit)]
         self._queue = [trial for trial in self._queue if not self._may_reach(trial, limit)]
         further = self._all_further(distinct(trials, len(trials)))
-        ends = [trial for trial in further if trial.settled]
-        self._queue += [trial for trial in further if not trial.settled]
+        ends = [trial for trial in further if trial.finished]
+        self._queue += [trial for trial in further if not trial.finished]
         self._fit_all([trial for trial in ends if trial.score < limit])
         return bool(trials)
 
@@ -167,8 +167,8 @@ class Search:
         ends, behind, kept = list[Trial](), list[Trial](), 3 * _TOGETHER
         while trials:
             further = sorted(self._all_further(trials), key=lambda trial: trial.score)
-            ends += [trial for trial in further if trial.settled]
-            going = [trial for trial in further if not trial.settled]
+            ends += [trial for trial in further if trial.finished]
+            going = [trial for trial in further if not trial.finished]
             kept = max(_TO_THE_END, kept // 2)
             behind += going[kept:]
             trials = going[:kept]
@@ -222,7 +222,7 @@ class Search:
         for one in found:
             before = self.known.get(one.names)
             if before is None or one.score < before.score - 1:  # fits that have settled differ by less
-                self.known[one.names] = one.slim
+                self.known[one.names] = one.without_rows
 
     # --- complete -----------------------------------------------------------------------------------------------------
 
@@ -237,7 +237,7 @@ class Search:
     def _nothing_left(self, one: Hypothesis) -> bool:
         if strained(one.fit):
             return False
-        one = one.whole
+        one = one.with_rows
         if self._line_left(one.fit) or self._settles(one):
             return False
         offers = singles(*self.moves.influences(one), self.score.cost)
@@ -290,7 +290,7 @@ class Search:
             found.append(self._with_records(one, lined, kept, slow=one.slow))
         if one.slow:
             found.append(self._with_records(one, [replace(r, slow=False) for r in records], one.lines, slow=False))
-        return [part.slim for part in found]
+        return [part.without_rows for part in found]
 
     def _without(self, one: Hypothesis, number: int) -> Hypothesis:
         """The set without one cause; a few steps tell where not even a linear one promises enough."""
@@ -298,7 +298,7 @@ class Search:
         if one.names == {named(effects[at])}:
             return self.root
         model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
-        base = one.few
+        base = one.coarse
         few = fitted(evaluated(base.run_set, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
         fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
@@ -316,26 +316,26 @@ class Search:
             gains = [one for one in self.known.values() if one.score <= self.root.score]
             alike = sorted((one for one in gains if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
-                if self._moved(one):
+                if self._race_other_places(one):
                     found = True
                     if self.complete(self._leader):
                         return True
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
             for one in alike[: _AS_GOOD * self._width] if self._rounds else ():
-                found = self.expand(one, self._begun_beside) or found
+                found = self.expand(one, self._single_place_sources) or found
         return found
 
     def _kinds(self, one: Hypothesis) -> list[Callable[[Hypothesis], Iterator[Trial]]]:
         """Moves from a set, in their order."""
         moves = self.moves
         if len(one.fit.added) < self.policy.most_effects:
-            return [self._singly, moves.doubly, moves.begun, self._lined]
-        return [moves.exchanged, self._lined] if moves.nearly(one) else [self._lined]
+            return [self._one_more, moves.two_more, moves.from_all_starts, self._with_late_line]
+        return [moves.exchanges, self._with_late_line] if moves.nearly(one) else [self._with_late_line]
 
-    def _moved(self, one: Hypothesis) -> bool:
+    def _race_other_places(self, one: Hypothesis) -> bool:
         """Race a set that nearly fits with its causes elsewhere; of a full one others replace causes instead."""
         able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.nearly(one)
-        return able and self.expand(one, self._elsewhere)
+        return able and self.expand(one, self._other_places)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
@@ -347,58 +347,58 @@ class Search:
         self._queue += kind(one)
         return True
 
-    def _elsewhere(self, one: Hypothesis) -> Iterator[Trial]:
-        """A set that nearly fits, with its causes in equivalent places or begun anew."""
-        yield from self.race(list(self.moves.moved(one)))
+    def _other_places(self, one: Hypothesis) -> Iterator[Trial]:
+        """A set that nearly fits, with its causes in equivalent places or restarted."""
+        yield from self.race(list(self.moves.other_places(one)))
 
-    def _singly(self, one: Hypothesis) -> Iterator[Trial]:
+    def _one_more(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more; drift and settling, which look like no part of the gears; a line, if nothing is left then."""
-        self.keep(self.settling(one))
-        self.keep(found for found in self.lined(one) if self.complete(found))
-        yield from self.moves.singly(one)
+        self.keep(self.with_settling(one))
+        self.keep(found for found in self.with_line(one) if self.complete(found))
+        yield from self.moves.one_more(one)
 
-    def _begun_beside(self, one: Hypothesis) -> Iterator[Trial]:
+    def _single_place_sources(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place at all its starts, solved beside a set.
 
         What it does may show beside the right one of several sets alone, all of which leave as much.
         """
-        yield from self._all_further(list(self.moves.beside(one)))
+        yield from self._all_further(list(self.moves.single_place_sources(one)))
 
-    def _lined(self, one: Hypothesis) -> Iterator[Trial]:
+    def _with_late_line(self, one: Hypothesis) -> Iterator[Trial]:
         """A line that no part has, late: a wave of the pins has side orders that look like lines."""
-        self.keep(self.lined(one))
+        self.keep(self.with_line(one))
         yield from ()
 
     def challengers(self, one: Hypothesis) -> Iterator[Trial]:
         """What a complete set must stand beside; a part that nearly fits may have ended in a false minimum."""
-        yield from self.race(list(self.moves.hidden(one)))
-        yield from self.moves.swapped(one)
-        yield from self.race(list(self.moves.alone(one)))
-        yield from self.race(list(self.moves.turned(one)))
+        yield from self.race(list(self.moves.masked(one)))
+        yield from self.moves.swaps(one)
+        yield from self.race(list(self.moves.single_place_alone(one)))
+        yield from self.race(list(self.moves.other_marks(one)))
         for part in self.parts(one):
             if part.fit.added and self.moves.nearly(part):
-                yield from self.race(list(self.moves.moved(part)))
+                yield from self.race(list(self.moves.other_places(part)))
             if one.slow and not part.slow:  # settling was added before causes were tried in its place
-                yield from self.moves.singly(part)
+                yield from self.moves.one_more(part)
 
-    def _joined(self, one: Hypothesis) -> bool:
+    def _race_all_places(self, one: Hypothesis) -> bool:
         """Race a complete set of several causes with some in equivalent places at once: one at a time they were swapped
         already."""
-        return len(one.fit.added) > 1 and self.expand(one, self._elsewhere)
+        return len(one.fit.added) > 1 and self.expand(one, self._other_places)
 
-    def settling(self, one: Hypothesis) -> list[Hypothesis]:
+    def with_settling(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with runs that drift and settle, if they do."""
-        one = one.whole
+        one = one.with_rows
         if not self._settles(one):
             return []
         slow = [replace(r, slow=True) for r in one.fit.run_set.records]
         return [self._with_records(one, slow, one.lines, slow=True)]
 
-    def lined(self, one: Hypothesis) -> list[Hypothesis]:
+    def with_line(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with the strongest line that no part has."""
         if not one.fit.run_set.sampled:  # a table names all its lines
             return []
-        one = one.whole
+        one = one.with_rows
         return [
             self._with_records(
                 one,
@@ -454,7 +454,7 @@ class Search:
 
         Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
         """
-        coarse, most = one.few, one.fit.objective - 2 * math.log(self.policy.alike)
+        coarse, most = one.coarse, one.fit.objective - 2 * math.log(self.policy.alike)
         first, trials = len(coarse.declared.effects), []
         for at, effect in enumerate(coarse.added):
             trials += [
@@ -463,13 +463,13 @@ class Search:
                 if named(other) == named(effect)
             ]
 
-        def settled(model: Model) -> Fit | None:
+        def fit_of(model: Model) -> Fit | None:
             try:
                 fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
             except NotConvergedError:
                 return None
             return fitted(onto(one.fit.run_set, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
 
-        away = [fit for fit in each(settled, trials) if fit is not None and fit.objective < most]
+        away = [fit for fit in each(fit_of, trials) if fit is not None and fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]
         return [fit for fit, both in pairs_of if any(np.dot(a.values, b.values) < 0 for a, b in both)]

@@ -46,7 +46,7 @@ class Trial:
         return self.model.effects[len(self.origin.fit.declared.effects) :]
 
     @property
-    def settled(self) -> bool:
+    def finished(self) -> bool:
         """Whether more steps change little."""
         return self.taken > len(_STEPS) or (self.fit is not None and self.taken > 1 and self.fit.converged)
 
@@ -74,15 +74,17 @@ class Trial:
         origin = self.origin
         try:
             if self.fit is None:
-                fit = evaluated(origin.few.run_set, self.model, origin.few.declared, origin.few.waves)
+                fit = evaluated(origin.coarse.run_set, self.model, origin.coarse.declared, origin.coarse.waves)
             else:
                 fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
         except NotConvergedError:
             return None
         promised = score.of(fit, origin.lines, origin.slow).score - fit.proposal[1]
         # what few angles and means make of the origin is common to both
-        beyond = origin.score - score.of(origin.few, origin.lines, origin.slow).score
-        return replace(self, model=fit.model, fit=fit.slim, score=round(promised + beyond, 6), taken=self.taken + 1)
+        beyond = origin.score - score.of(origin.coarse, origin.lines, origin.slow).score
+        return replace(
+            self, model=fit.model, fit=fit.without_rows, score=round(promised + beyond, 6), taken=self.taken + 1
+        )
 
 
 def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:

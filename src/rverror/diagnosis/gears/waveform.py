@@ -28,7 +28,7 @@ _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 
 _DENSER = 5  # than the grid of the travel, where that is coarse
 
 
-def under(
+def conditions_at(
     theta: Array, direction: float | Array, torque: float | TorqueWaves | None, time: Array | None = None
 ) -> OperatingConditions:
     """Conditions under a torque, or one over the angle."""
@@ -132,12 +132,12 @@ class LoadCase:
         """Statics over a grid: geometry is made once, what the stiffness changes only where it does."""
         made = self._kept.get(grid)
         if made is None:
-            made = statics_of(unit, under(grid.theta, self.direction, self.torque))
+            made = statics_of(unit, conditions_at(grid.theta, self.direction, self.torque))
         self._kept[grid] = made = made.elastic(unit)
         return made
 
     def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
-        return motion(unit, under(grid.theta, self.direction, self.torque))
+        return motion(unit, conditions_at(grid.theta, self.direction, self.torque))
 
     def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
         """Waveform with these effects, all felt by the contacts; from poses near it where there are."""

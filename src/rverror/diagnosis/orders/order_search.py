@@ -18,7 +18,7 @@ import scipy
 from rverror.base.arrays import Array, Flags
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, bounds, evaluated, fitted, lifted, moved, solved
+from rverror.diagnosis.gears.fit import Fit, bounds, evaluated, fitted, solved, stepped, without_effect
 from rverror.diagnosis.gears.ranking import Columns, columns_of
 from rverror.diagnosis.gears.score import identity, named
 from rverror.diagnosis.gears.waveform import Named
@@ -80,16 +80,16 @@ class Linear:
         return np.concatenate([self.fit.weights[self.free], *prior])
 
     @cached_property
-    def off(self) -> Array:
+    def departure(self) -> Array:
         """How far each value is from the middle of its prior, shape (k,)."""
-        own = self.fit.off[self.free]
+        own = self.fit.departure[self.free]
         return np.concatenate([own, np.zeros(sum(len(b.directions) for b in self.blocks))])
 
     def step(self, kept: Array | None = None) -> Array:
         """Step that lowers the objective most, of all numbers or of those that are kept, shape (k,)."""
         rest = np.concatenate(self.fit.rows, axis=1)[0]
         rows = self.rows if kept is None else self.rows[:, kept]
-        right = rows @ (rest if kept is None else rest[kept]) - self.weights * self.off
+        right = rows @ (rest if kept is None else rest[kept]) - self.weights * self.departure
         return solved(rows @ rows.T, right, self.weights)
 
     def left(self, step: Array) -> Array:
@@ -105,7 +105,7 @@ class Linear:
     def objective(self) -> float:
         """Squares and priors at the best step."""
         rest = self.left(self.best)
-        return float(rest @ rest + self.weights @ (self.off + self.best) ** 2)
+        return float(rest @ rest + self.weights @ (self.departure + self.best) ** 2)
 
     @cached_property
     def squares(self) -> Array:
@@ -212,7 +212,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
     """
     while fit.added:
         least = [
-            (Linear(lifted(fit, n)).objective - chi_square(fit.run_set.policy.false_alarm, len(e.values)), n)
+            (Linear(without_effect(fit, n)).objective - chi_square(fit.run_set.policy.false_alarm, len(e.values)), n)
             for n, e in enumerate(fit.added)
         ]
         objective, number = min(least)
@@ -255,7 +255,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
     step[state.free] = state.best[: int(state.free.sum())]
     for share in (1.0, 0.5, 0.0):  # what bends so much that it does not stand is begun nearer to nothing
         sized = [replace(e, values=tuple(share * v for v in e.values)) for e in effects]
-        model = moved(fit.model, share * step)
+        model = stepped(fit.model, share * step)
         model = replace(model, effects=(*model.effects, *sized))
         try:
             return fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
@@ -334,7 +334,7 @@ def rivals(fit: Fit, number: int, candidates: Sequence[Named]) -> list[Named]:
 
 def _leading(fit: Fit, number: int) -> tuple[Fit, int]:
     """The state without an added effect, and the place of the order of which that leaves most more."""
-    bare = lifted(fit, number)
+    bare = without_effect(fit, number)
     return bare, int(np.argmax(Linear(bare).squares - Linear(fit).squares))
 
 

@@ -79,7 +79,7 @@ class DriveSet(RunSet):
         return np.array([abs(o) for key, at in self.candidates for o in source(key).orders(self.unit, at)])
 
     @property
-    def few(self) -> RunSet:
+    def coarse(self) -> RunSet:
         """The same: there is no grid, and a linear step is the fit."""
         return self
 

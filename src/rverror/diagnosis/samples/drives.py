@@ -12,10 +12,10 @@ import numpy as np
 from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, renoised, under
+from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, with_estimated_noise, with_noise_of, without_effect
 from rverror.diagnosis.gears.moves import with_offer
 from rverror.diagnosis.gears.ranking import Offer, columns_of, singles
-from rverror.diagnosis.gears.reducers import renewed
+from rverror.diagnosis.gears.reducers import searched_repeatedly
 from rverror.diagnosis.gears.score import Hypothesis, identity, named
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines, taken_off
@@ -81,10 +81,10 @@ def diagnose_drive(
     candidates = candidates_of_drive(declared, records, policy)
     policy = replace(policy, most_effects=len(candidates), regular=_ANY)
     run_set = drive_set(declared, records, policy, candidates)
-    root = fitted(evaluated(calm(run_set), declared, declared))
+    root = fitted(evaluated(with_first_noise(run_set), declared, declared))
     turns = max(record.turns for record in records)
     search = DriveSearch(root, distinguishable(model.mechanism, candidates, turns, policy), policy, journal)
-    last, best, _ = renewed(search, stilled)
+    last, best, _ = searched_repeatedly(search, with_noise_left)
     for name in candidates:
         if identity(name) not in {named(e) for e in best.fit.added}:
             journal.note("fell", name, "not significant under the noise of the runs, or no more than what was tried")
@@ -140,7 +140,7 @@ def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
     )
 
 
-def calm(run_set: DriveSet) -> DriveSet:
+def with_first_noise(run_set: DriveSet) -> DriveSet:
     """The runs under the noise that is left when all that may be regular is out of each by itself.
 
     A cause that no one has taken out yet would pass for noise: a drift of 21 arcsec makes a worm's noise a walk.
@@ -149,12 +149,12 @@ def calm(run_set: DriveSet) -> DriveSet:
     records = []
     for record, own in zip(run_set.records, rows, strict=True):
         rest, count = less(record.error, np.concatenate([record.nuisance, record.settling, own]))
-        noise = noise_of(rest, record.kept, float(count), floor=run_set.policy.model_error, few=True)
+        noise = noise_of(rest, record.kept, float(count), floor=run_set.policy.model_error, by_criterion=True)
         records.append(replace(record, noise=noise))
     return replace(run_set, records=tuple(records))
 
 
-def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
+def with_noise_left(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     """A set under the noise that it leaves, or that the part of it leaves which is as likely, noise and all.
 
     Causes, lines and drift are taken out one after another as long as noise that is estimated without them makes up
@@ -167,10 +167,10 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     seen : Fit
         Of the same sizes.
     """
-    now, fit = best, fitted(renoised(seen, calm=True))
+    now, fit = best, fitted(with_estimated_noise(seen, calm=True))
     while now.names:
         parts = search.parts(now)
-        fits = each(lambda part: fitted(renoised(part.whole.fit, calm=True)), parts)
+        fits = each(lambda part: fitted(with_estimated_noise(part.with_rows.fit, calm=True)), parts)
         gains = [
             other.deviance - fit.deviance - search.score.by_chance(now, part)
             for part, other in zip(parts, fits, strict=True)
@@ -179,7 +179,7 @@ def stilled(search: Search, best: Hypothesis, seen: Fit) -> Fit:
         if gains[least] > 0:
             break
         now, fit = parts[least], fits[least]
-    return under(seen, fit)
+    return with_noise_of(seen, fit)
 
 
 class DriveSearch(Search):
@@ -214,7 +214,7 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = list[Hypothesis](), one.fit.run_set.records, one.whole
+        found, records, whole = list[Hypothesis](), one.fit.run_set.records, one.with_rows
         if self._settles(whole):
             found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
         room = MOST_LINES - len(one.lines)
@@ -236,8 +236,8 @@ class DriveSearch(Search):
         return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
 
     def _in_place(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        fit = one.whole.fit
-        rest, cause = lifted(fit, number), fit.added[number]
+        fit = one.with_rows.fit
+        rest, cause = without_effect(fit, number), fit.added[number]
         run_set, added = fit.run_set, {named(e) for e in fit.added}
         assert isinstance(run_set, DriveSet)
         others = [name for name in run_set.candidates if identity(name) not in added]
