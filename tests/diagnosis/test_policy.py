@@ -57,7 +57,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_STEPS", "_MOST",  # of a search that makes claims
         "_STARTS", "_FEW_PLACES", "_NEARLY", "_MOST_MOVES", "_CLOSE", "_OFFERED",
             "_LOOKED_AT", "_AS_GOOD", "_TO_THE_END", "_DOUBT",  # of a search for sets
-        "SCALES", "_SHRUNK", "_REGULAR",  # of a ranking
+        "SCALES", "_REGULAR",  # of a ranking
         "_PLACING",  # of unknown marks
         "_LEAST_SPEEDS",
         "_STEP", "_FINE", "_REACH", "_LIGHTEST", "_HEAVIEST", "_ZOOMS", "_MISFIT", "_GAP", "_TRIES",  # of resonances

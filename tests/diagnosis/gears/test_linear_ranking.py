@@ -73,10 +73,10 @@ def blocks_of(fit: Fit, keys: Sequence[str] = KEYS) -> list[Columns]:
 class Linear:
     """What is free in a fit, and some columns, as one linear problem: rows a column, prior precision, how far off."""
 
-    def __init__(self, fit: Fit, blocks: Sequence[Columns], *, hold: bool = False) -> None:
+    def __init__(self, fit: Fit, blocks: Sequence[Columns]) -> None:
         """Put all runs in a row."""
         self.fit, policy = fit, fit.run_set.policy
-        free = np.isfinite(fit.weights) & (not hold)
+        free = np.isfinite(fit.weights)
         own = np.concatenate([np.concatenate(block.rows, axis=1) for block in blocks])
         self.rows = np.concatenate([np.concatenate([w[1:] for w in fit.rows], axis=1)[free], own])
         self.rest = np.concatenate([w[0] for w in fit.rows])
@@ -169,14 +169,13 @@ def beyond_tangents(fit: Fit, scale: float) -> float:
     return float(fit.run_set.policy.regular * np.min(np.log(q) + 1 / q - 1))
 
 
-@pytest.mark.parametrize("hold", [False, True])
-def test_an_offer_leaves_what_least_squares_under_all_priors_leave(near: Fit, hold: bool) -> None:
-    """Its sizes, what it leaves, and what its sizes must be worth; all others free, or held where they are."""
+def test_an_offer_leaves_what_least_squares_under_all_priors_leave(near: Fit) -> None:
+    """Its sizes, what it leaves, and what its sizes must be worth; all others free."""
     blocks = blocks_of(near)
-    offers = told(singles(near, blocks, free_of_cost, hold=hold))
+    offers = told(singles(near, blocks, free_of_cost))
     assert len(offers) == len(blocks) > 50
     for block in blocks:
-        exact = Linear(near, [block], hold=hold)
+        exact = Linear(near, [block])
         step, offer = exact.step(), offers[called([block])]
         assert offer.objective == pytest.approx(exact.objective(step), abs=1e-5)
         assert offer.score - offer.objective == pytest.approx(exact.worth(), abs=1e-5)

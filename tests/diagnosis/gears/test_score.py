@@ -12,14 +12,14 @@ from scipy.integrate import quad
 from scipy.linalg import null_space
 
 import rverror
-from gear_runs import BARE, CAM, OTHER, TURN, UNIT, USUAL, beside, record_of, runs_of, settled
+from gear_runs import BARE, CAM, OTHER, TURN, UNIT, USUAL, record_of, runs_of, settled
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.ranking import Columns, Offer, singles
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.score import Hypothesis, Score, bent, identity, inexact, named, outlook, strained, unsure
+from rverror.diagnosis.gears.score import Hypothesis, Score, bent, identity, inexact, named, strained, unsure
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
@@ -298,20 +298,3 @@ def test_what_was_added_is_held_against_what_it_makes_not_its_influence(right: F
     linear = sum(float(np.sum((pins.values[0] * rows[1]) ** 2)) for rows in fit.rows)
     assert bent(fit, POLICY) == pytest.approx(1e-4 * squares, rel=1e-6)
     assert squares < linear / 10
-
-
-def test_what_no_workshop_makes_goes_last(right: Fit) -> None:
-    """Twice the plausible size and more, while it is no fit; where it is one it is as good as any."""
-    plausible = source(CAM.key).parameters[0].plausible
-    score = Score([(CAM.key, CAM.indices)], POLICY)
-    small, large = (
-        score.of(evaluated(right.run_set, Model(UNIT, (replace(CAM, values=(size * plausible, 0.0)),)), BARE))
-        for size in (1.9, 2.1)
-    )
-    true = score.of(right)
-    assert outlook(small) == (False, small.score)
-    assert outlook(large) == (True, large.score)
-    assert sorted([large, true, small], key=outlook) == [true, small, large]
-    wide = replace(large.fit, data=0.9 * large.fit.bound)
-    assert outlook(replace(large, fit=wide))[0] is strained(wide) is False
-    assert beside(right, CAM).objective == pytest.approx(right.objective, abs=0.1)

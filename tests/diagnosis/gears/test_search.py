@@ -361,7 +361,7 @@ def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_la
     )  # fmt: skip
     search = search_of(fit, [CAM.key])
     one = search.score.of(fit)
-    assert not any(other.slow for other in search_of(short, [CAM.key]).settling(search.score.of(short)))
+    assert not any(other.slow for other in search_of(short, [CAM.key]).with_settling(search.score.of(short)))
     (settling,) = search.with_settling(one)
     search.expand(one, search._one_more)  # with the first causes: what settles hides smaller ones
     assert any(other.slow for other in search.known.values())
@@ -891,7 +891,7 @@ def test_what_declared_sizes_may_hide_is_fitted_whatever_it_promises_at_first(
     search = search_of(right, NEAR_CAMS)
     (cause,) = right.added
     trial = Trial(search.root.fit.model.with_effects(cause), math.inf, search.root.without_rows)
-    monkeypatch.setattr(search.moves, "hidden", lambda one: iter([trial]))
+    monkeypatch.setattr(search.moves, "masked", lambda one: iter([trial]))
     list(search.challengers(search.root))
     assert frozenset({named(cause)}) in search.known
 

@@ -179,8 +179,8 @@ class Moves:
     def one_more(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more, by linear steps and from starts.
 
-        Linear steps begin at the sizes as declared: fitted ones have moved to make up for what is missing; at the
-        fitted ones; and with all others held.
+        Linear steps begin at the sizes as declared, since fitted ones have moved to make up for what is missing; of a
+        set that nearly fits at the fitted ones as well.
         """
         (plain, linear), cost = self._plain(one), self.score.cost
         offers = singles(plain, linear, cost)
@@ -190,7 +190,6 @@ class Moves:
         if self.nearly(one):
             coarse, blocks = self.influences(one)
             yield from self._offered(one, coarse.model, singles(coarse, blocks, cost))
-        yield from self._offered(one, plain.model, singles(plain, linear, cost, hold=True))
         yield from self._from_starts(one, self.starting(with_crank=True))
         if not one.fit.added:
             yield from self._at_other_marks(one, plain, self.blocks)
@@ -299,8 +298,8 @@ class Moves:
                 yield Trial(_enlarged(rest.model, other), one.score, one.without_rows)
             with_crank = source(effect.key).repeats_with_crank(unit, effect.indices)
             from_starts = self._starts(fit, self.starting(with_crank=with_crank))
-            for hold, some in ((False, blocks), (True, blocks), (False, from_starts)):
-                yield from self._in_place_of(one, fit, number, [*some, *own], hold=hold)
+            for some in (blocks, from_starts):
+                yield from self._in_place_of(one, fit, number, [*some, *own])
 
     def exchanges(self, one: Hypothesis) -> Iterator[Trial]:
         """Another cause in the place of each, by linear steps from the fitted sizes of the others.
@@ -315,14 +314,12 @@ class Moves:
             found += self._in_place_of(one, fit, number, [*blocks, *own])
         yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
 
-    def _in_place_of(
-        self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns], *, hold: bool = False
-    ) -> list[Trial]:
+    def _in_place_of(self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns]) -> list[Trial]:
         """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself
         by the same step, or has where that leads to sizes which cannot be."""
         name, cost = (fit.added[number].key, fit.added[number].indices), self.score.cost
         rest = without_effect(fit, number)
-        offers = singles(rest, blocks, cost, hold=hold)
+        offers = singles(rest, blocks, cost)
         mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
         return self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
 

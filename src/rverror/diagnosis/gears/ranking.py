@@ -24,7 +24,6 @@ from rverror.diagnosis.gears.fit import Fit, bounds
 from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
-_SHRUNK = 0.5  # of a start: below it the fit is tried from the start too
 _REGULAR = 1e-9  # of two blocks that are as good as one
 SCALES = 8  # from that of the fit to that of noise: some per cent of what is taken off
 
@@ -100,8 +99,8 @@ class _Reduced:
     worth: Array  # (blocks,): ln det(prior) - ln det(posterior)
 
 
-def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *, hold: bool = False) -> list[Offer]:
-    """One candidate more, the best first; a start at the size of its step and, where that is much less, its own.
+def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float]) -> list[Offer]:
+    """One candidate more, the best first; a start at the size of its step.
 
     Parameters
     ----------
@@ -110,12 +109,10 @@ def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float],
     blocks : sequence of Columns
     cost : callable
         Minus twice the logarithm of the chance that a candidate is missing, before the runs are seen.
-    hold : bool
-        Whether everything else keeps its size.
     """
     if not blocks:
         return []
-    reductions = _reductions(fit, blocks, hold=hold, whole=False)
+    reductions = _reductions(fit, blocks, whole=False)
     steps = np.array([np.linalg.solve(one.seen[:, :, 0], one.moment[..., None])[..., 0] for one in reductions])
     objectives = np.array(
         [one.constant - (one.moment * step).sum(1) for one, step in zip(reductions, steps, strict=True)]
@@ -128,8 +125,6 @@ def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float],
         if _can(block, step, sizes):
             score = objective + float(reductions[best].worth[at]) + cost(block.name)
             found.append(Offer((block.name,), (sizes,), objective, score, without))
-            if block.start and step[0] < _SHRUNK:  # a linear step that shrinks it may end in a false minimum
-                found.append(Offer((block.name,), (block.directions[0],), objective, score, without))
     return sorted(found, key=lambda offer: round(offer.score, 6))
 
 
@@ -141,7 +136,7 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
     count = len(small)
     least, steps, worth = np.full((count, count), math.inf), np.zeros((2, count, count)), np.zeros((count, count))
     starts = np.array([block.start for block in small])
-    reductions = _reductions(fit, small, hold=False, whole=True)
+    reductions = _reductions(fit, small, whole=True)
     for one in reductions:
         objective, step, own = _pair_objectives(one, starts)
         better = objective < least
@@ -207,12 +202,12 @@ def _can(block: Columns, step: Array, sizes: Array) -> bool:
     return bool((sizes >= least).all()) and (not block.start or step[0] > 0)
 
 
-def _reductions(fit: Fit, blocks: Sequence[Columns], *, hold: bool, whole: bool) -> list[_Reduced]:
+def _reductions(fit: Fit, blocks: Sequence[Columns], *, whole: bool) -> list[_Reduced]:
     """What blocks see, at some scales from that of the fit down to that of noise."""
     low, high = bounds(fit)
     pull = fit.moment / fit.scale - fit.pull * fit.departure
     stopped = ((low == 0) & (pull < 0)) | ((high == 0) & (pull > 0))  # at a bound, and would go on
-    free = fit.free & ~stopped & (not hold)
+    free = fit.free & ~stopped
     ends = np.cumsum([0, *(len(block.directions) for block in blocks)])
     total, width = int(ends[-1]), max(2, *(len(block.directions) for block in blocks))
     places = np.repeat(np.arange(len(blocks)), np.diff(ends)), np.concatenate([np.arange(n) for n in np.diff(ends)])

@@ -20,7 +20,6 @@ from rverror.diagnosis.gears.fit import Fit, as_compared, counted, onto
 from rverror.diagnosis.gears.jumps import fall
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.policy import Policy
-from rverror.model.catalogue import source
 from rverror.model.effects import Effect
 
 
@@ -149,14 +148,6 @@ class Score:
         gain = less.score - more.score - (less.fit.objective - more.fit.objective) + fallen
         own = 0.0 if exact or more.slow > less.slow else inexact(less.fit)
         return gain > own and fallen > self.by_chance(more, less) + own
-
-
-def outlook(one: Hypothesis) -> tuple[bool, float]:
-    """What the search goes by: a cause that no workshop makes, in a fit that is none, goes after all that one makes."""
-    fit = one.fit
-    sizes = [(abs(v), p.plausible) for e in fit.added for v, p in zip(e.values, source(e.key).parameters, strict=True)]
-    odd = any(size > 2 * plausible for size, plausible in sizes)
-    return odd and (fit.data > fit.bound or strained(fit)), one.score
 
 
 def strained(fit: Fit) -> bool:

@@ -19,7 +19,7 @@ from rverror.diagnosis.gears.moves import Moves, Once, Starts, equivalents
 from rverror.diagnosis.gears.ranking import singles
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.residual_faults import nearly_noise
-from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, named, outlook, strained
+from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, named, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.trial import Trial, distinct
 from rverror.diagnosis.gears.waveform import Named
@@ -314,7 +314,7 @@ class Search:
         for size in range(self.policy.most_effects + 1):
             # a set with a higher score than the root leads nowhere: what it leads to is found from the root
             gains = [one for one in self.known.values() if one.score <= self.root.score]
-            alike = sorted((one for one in gains if len(one.fit.added) == size), key=outlook)
+            alike = sorted((one for one in gains if len(one.fit.added) == size), key=lambda one: one.score)
             for one in alike[: self._width]:
                 if self._race_other_places(one):
                     found = True
