@@ -452,7 +452,9 @@ class LoadedUnits:
             poses = before[number] if number < len(before) else none
             try:
                 return [
-                    self._turns(one, values[number], slopes=slopes, decide=decide, near=first)
+                    self._between(one, values[number], slopes=slopes, near=first)
+                    if one.loads
+                    else self._span(one, values[number], slopes=slopes, decide=decide, near=first)
                     for one, first in zip(self.limits, poses, strict=True)
                 ]
             except NotConvergedError as problem:
@@ -479,13 +481,6 @@ class LoadedUnits:
             return Solved(largest.max(axis=2), failures)
         poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
         return Solved(largest.max(axis=2), failures, largest, slope, poses)
-
-    def _turns(
-        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
-    ) -> _LargestTurns:
-        if limit.loads:
-            return self._between(limit, values, slopes=slopes, near=near)
-        return self._span(limit, values, slopes=slopes, decide=decide, near=near)
 
     def _span(
         self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
