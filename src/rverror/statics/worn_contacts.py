@@ -599,12 +599,7 @@ class _Wearing:
 
 def _sums(amount: Array, angle: Array, harmonics: Any) -> Any:
     """Sum over all pins and angles of an amount times each wave exp(i h angle), (discs, waves)."""
-    once, found = np.exp(1j * angle), []
-    wave = amount * once ** harmonics[0]
-    for _ in harmonics:
-        found.append(wave.sum(axis=(1, 2)))
-        wave = wave * once
-    return np.stack(found, axis=-1)
+    return np.stack([(amount * np.exp(1j * h * angle)).sum(axis=(1, 2)) for h in harmonics], axis=-1)
 
 
 def _by_phase(amount: Array, lead: Array) -> Array:
