@@ -10,7 +10,6 @@ application in one.  Class 5 is the reference, each further class is wider by sq
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import tomllib
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Literal
 
 from rverror.base.errors import InputError
+from rverror.base.text import did_you_mean
 from rverror.geartrain.involute import PLANET_ECCENTRICITY, PLANET_PITCH, SUN_ECCENTRICITY, SUN_PITCH
 
 _TABLE = tomllib.loads(Path(__file__).parents[1].joinpath("data", "iso-286.toml").read_text(encoding="utf-8"))
@@ -55,9 +55,8 @@ def it_width(grade: str, size: float) -> float:
     0.011
     """
     if grade not in WIDTHS:
-        close = difflib.get_close_matches(grade.upper().replace(" ", ""), WIDTHS, n=1, cutoff=0.5)
-        hint = f"did you mean {close[0]!r}?" if close else "grades are IT01, IT0, IT1 to IT18"
-        raise InputError(f"no tolerance grade {grade!r}; {hint}")
+        hint = did_you_mean(grade.replace(" ", ""), WIDTHS) or " grades are IT01, IT0, IT1 to IT18"
+        raise InputError(f"no tolerance grade {grade!r};{hint}")
     if not (math.isfinite(size) and 0 < size <= BANDS[-1]):
         raise InputError(f"size {size:g} mm of a tolerance grade: ISO 286-1 is known here above 0 and up to 500 mm")
     if grade in _COARSE and size <= 1:
