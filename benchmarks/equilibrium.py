@@ -43,7 +43,6 @@ import rverror  # noqa: E402
 from rverror.base.threads import threads  # noqa: E402
 from rverror.model.effects import Effect  # noqa: E402
 from rverror.statics.loaded_state import statics_of  # noqa: E402
-from rverror.statics.prediction import Predictor  # noqa: E402
 
 ANGLES, REPEATS = 4096, 3
 ARCSEC = math.pi / 180 / 3600
@@ -232,13 +231,11 @@ def report_operations(torque: str, clearance: str) -> None:
         print(Counted.done / len(solution.x), solution.steps.mean())
 
     theta = np.linspace(0, 2 * np.pi, 7)
-    predictor = Predictor(
-        rverror.reducer("RV-40E"), rverror.geartrain.OperatingConditions(theta, 1.0, float(torque) * 1e3)
-    )
     model = model_of(rverror.reducer("RV-40E"), float(clearance))
-    near = predictor.predict(model)
+    statics = statics_of(model.mechanism, rverror.geartrain.OperatingConditions(theta, 1.0, float(torque) * 1e3))
+    near = statics.predict(model.effects).poses
     kernel.solve = counting
-    predictor.predict(moved(model), near)
+    statics.predict(moved(model).effects, near)
 
 
 def operations(*, torque: float, clearance: float) -> tuple[float, float]:
@@ -343,9 +340,9 @@ def main() -> None:
             print(f"{torque:g} N*m, {clearance:g} um of clearance in cam and carrier bearings")
             steps = f"{state.steps.mean():.1f} Newton steps, at most {state.steps.max()}"
             print(f"  {'rverror.equilibrium':36s}{time:10.1f} us an angle, aim {AIMS[clearance]:g}; {steps}")
-            predictor = Predictor(unit, rverror.geartrain.OperatingConditions(theta, 1.0, load))
-            near, next_one = predictor.predict(model), moved(model)
-            warm = best(lambda p=predictor, m=next_one, n=near: p.predict(m, n)) / ANGLES * 1e6
+            statics = statics_of(unit, rverror.geartrain.OperatingConditions(theta, 1.0, load))
+            near, effects = statics.predict(model.effects).poses, moved(model).effects
+            warm = best(lambda s=statics, e=effects, n=near: s.predict(e, n)) / ANGLES * 1e6
             print(f"  {'a prediction with all derivatives':36s}{warm:10.1f} us an angle, aim {AIMS[clearance]:g}")
             count, few_steps = operations(torque=torque, clearance=clearance)
             speed = f"{count / warm / 1e3:.1f} Gflop/s; {few_steps:.1f} Newton steps"

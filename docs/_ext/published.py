@@ -34,7 +34,7 @@ from rverror.model.effects import Effect, Model, effect
 from rverror.model.ends import Bench
 from rverror.statics.friction import efficiency, hysteresis
 from rverror.statics.loaded_state import Prediction, equilibrium
-from rverror.statics.prediction import Predictor
+from rverror.statics.prediction import predict
 
 #: Size of an error where a source gives none, mm.
 ERROR = 0.005
@@ -462,12 +462,12 @@ def second_order(*, draw: int = 0, step: float = 0.5) -> tuple[tuple[float, floa
         way[first:last] = sizes[first:last]
     found = []
     for torque in (LIGHT, RATED):
-        predictor = Predictor(unit, OperatingConditions(_theta(ANGLES), 1.0, torque))
+        conditions = OperatingConditions(_theta(ANGLES), 1.0, torque)
 
-        def at(values: Array, predictor: Predictor = predictor) -> Prediction:
+        def at(values: Array, conditions: OperatingConditions = conditions) -> Prediction:
             left = list(values)
             moved = [replace(e, values=tuple(left.pop(0) for _ in e.values)) for e in effects]
-            return predictor.predict(Model(unit, tuple(moved)))
+            return predict(Model(unit, tuple(moved)), conditions)
 
         nominal = at(0 * sizes)
         whole = at(sizes).transmission_error - nominal.transmission_error

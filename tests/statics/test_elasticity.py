@@ -15,7 +15,7 @@ from rverror.model.effects import Effect, effect
 from rverror.statics import kernel
 from rverror.statics.energy import solve
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
-from rverror.statics.prediction import Predictor
+from rverror.statics.prediction import predict
 
 pressed = kernel.pressed.py_func  # machine code holds it only in what calls it
 THETA = 2 * np.pi * np.mod(0.05 + 0.6180339887 * np.arange(24), 1)
@@ -210,7 +210,7 @@ def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
 
 def test_the_closed_form_knows_no_stiffness() -> None:
     unit = rverror.reducer("RV-40E")
-    assert Predictor(unit, OperatingConditions(THETA, 1.0)).predict(rverror.Model(unit)).softening is None
+    assert predict(rverror.Model(unit), OperatingConditions(THETA, 1.0)).softening is None
 
 
 def test_another_geometry_is_refused() -> None:

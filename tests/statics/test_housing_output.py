@@ -17,7 +17,7 @@ from rverror.geartrain.contacts import motion
 from rverror.model.catalogue import CATALOGUE
 from rverror.statics.energy import Geometry, Layout
 from rverror.statics.loaded_state import statics_of
-from rverror.statics.prediction import Predictor, turned
+from rverror.statics.prediction import predict, turned
 from strategies import angles, reducers
 
 UNIT = rverror.reducer("RV-40E", output="housing")
@@ -286,7 +286,7 @@ def test_influences_are_changes_of_the_equilibrium() -> None:
     theta = np.linspace(0.2, 5, 6)
     where = OperatingConditions(theta, direction=1.0, torque=412e3)
     errors = errors_of(UNIT)
-    rows = Predictor(UNIT, where).predict(Model(UNIT, errors)).matrix
+    rows = predict(Model(UNIT, errors), where).matrix
     base = rverror.equilibrium(Model(UNIT, errors), where).transmission_error
     at = 0
     for number, one in enumerate(errors):

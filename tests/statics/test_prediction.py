@@ -13,8 +13,8 @@ import rverror
 from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, effect
-from rverror.statics.loaded_state import equilibrium
-from rverror.statics.prediction import Predictor, predict, uses_equilibrium
+from rverror.statics.loaded_state import equilibrium, statics_of
+from rverror.statics.prediction import predict, uses_equilibrium
 
 ARCSEC = math.pi / 180 / 3600
 
@@ -67,9 +67,9 @@ def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
 
 def test_from_a_prediction_without_a_pin_one_with_it_is_solved_as_from_nothing() -> None:
     model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(300)
-    predictor = Predictor(model.mechanism, OperatingConditions(theta, 1.0, 20e3))
-    near, more = predictor.predict(model), rverror.Model(model.mechanism, CARRIER_SIDE + PINS)
-    cold, warm = predictor.predict(more), predictor.predict(more, near)
+    statics = statics_of(model.mechanism, OperatingConditions(theta, 1.0, 20e3))
+    near, more = statics.predict(CARRIER_SIDE), CARRIER_SIDE + PINS
+    cold, warm = statics.predict(more), statics.predict(more, near.poses)
     np.testing.assert_allclose(warm.transmission_error, cold.transmission_error, rtol=0, atol=1e-15)
     np.testing.assert_allclose(warm.matrix, cold.matrix, rtol=0, atol=1e-9 * np.abs(cold.matrix).max())
 

@@ -346,7 +346,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, before: str, after: str, says: s
 def test_a_wrong_cell_of_a_table_is_named(tmp_path: Path, cell: str) -> None:
     path = tmp_path / "t.csv"
     path.write_text(TABLE.replace("cams: 3 opposite", cell), encoding="utf-8")
-    with pytest.raises(InputError, match=f"line 4: fit is '{cell}'; write it like 'bores: 3'"):
+    with pytest.raises(InputError, match=f"line 4: fit = '{cell}': must be like .* in a cell 'bores: 3'"):
         load_tolerances(path)
 
 

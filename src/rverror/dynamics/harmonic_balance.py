@@ -230,36 +230,32 @@ class _Balance:
     def by_neighbours(self) -> _Approximate:
         """Answer of compact differences between neighbours: a band, with stiffness and damping as they are.
 
-        With y the mean `smooth` of w over neighbours, y'' and y' are differences of w.  The angles are folded, first
-        and last side by side, so that a period closes within the band.
+        With y the mean `smooth` of w over neighbours, y'' and y' are differences of w.
         """
         m, n = self.system.size, self.system.count
         smooth, second, first = _compact_differences()
-        angle = np.arange(n)
-        place = np.where(angle < (n + 1) // 2, 2 * angle, 2 * (n - 1 - angle) + 1)
         value, _ = self.system.mean_modes
         step = self.system.period / n
         # a free motion is held by less than the longest wave's inertia
         hold = np.diag(np.where(value == 0, -((self.speed * self.system.orders[1] / 2) ** 2), 0.0))
         both = np.moveaxis(self._both, -1, 0)
         stiffness, damping = both[:, :, :m] + hold, self.speed / step * both[:, :, m:]
-        width = (2 * _REACH + 1) * m - 1
-        band = np.zeros((3 * width + 1, n * m), order="F")
-        for offset in range(-_REACH, _REACH + 1):
-            far = abs(offset)
-            block = smooth[far] * stiffness + np.sign(offset) * first[far] * damping
-            block += (self.speed / step) ** 2 * second[far] * np.eye(m)
-            row = place[:, None, None] * m + np.arange(m)[:, None]
-            column = place[(angle + offset) % n][:, None, None] * m + np.arange(m)
-            band[2 * width + row - column, column] += block
-        factors, pivots, _ = scipy.linalg.lapack.dgbtrf(band, width, width, overwrite_ab=True)
+        offsets = np.arange(-_REACH, _REACH + 1)
+        blocks = [
+            smooth[abs(at)] * stiffness
+            + np.sign(at) * first[abs(at)] * damping
+            + (self.speed / step) ** 2 * second[abs(at)] * np.eye(m)
+            for at in offsets
+        ]
+        columns = (np.arange(n)[:, None] + offsets) % n
+        ends = np.arange(0, columns.size + 1, offsets.size)
+        band = scipy.sparse.bsr_array((np.stack(blocks, axis=1).reshape(-1, m, m), columns.ravel(), ends))
+        factors = scipy.sparse.linalg.splu(band.tocsc())
         waves = smooth[0] + 2 * np.cos(np.outer(self.system.orders * step, np.arange(1, _REACH + 1))) @ smooth[1:]
 
         def answer(rows: Array) -> npt.NDArray[np.complex128]:
-            right = np.empty((n, m))
-            right[place] = rows.T
-            found, _ = scipy.linalg.lapack.dgbtrs(factors, width, width, right.reshape(-1), pivots)
-            return np.asarray(waves * scipy.fft.rfft(found.reshape(n, m)[place].T))
+            found = factors.solve(rows.T.ravel()).reshape(n, m)
+            return np.asarray(waves * scipy.fft.rfft(found.T))
 
         return answer, lambda rows: self.equation(answer(rows))
 

@@ -7,7 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 from rverror.dynamics.harmonic_balance import Oscillator, slope
 from rverror.dynamics.time_integration import Forced
-from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
+from rverror.dynamics.train import SUPPORTED, Train, loaded_reducer, natural_motions
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.kinematics import frame_orders, fundamental_orders, samples_needed, true_period
 from rverror.geartrain.mechanism import Reducer
@@ -61,9 +61,7 @@ class LoadedMotion:
     @cached_property
     def _mean(self) -> tuple[Array, Array]:
         """Squares of the frequencies of the mean stiffness, and its modes, of mass 1, as columns."""
-        root = np.sqrt(self.train.mass)
-        value, vector = np.linalg.eigh(self.stiffness.mean(axis=0) / np.outer(root, root))
-        return np.where(value < FREE * value[-1], 0.0, value), vector / root[:, None]
+        return natural_motions(self.stiffness.mean(axis=0), self.train.mass)
 
     def mean_modes(self) -> tuple[Array, Flags]:
         """Frequencies of the mean stiffness, Hz, and which are of the sun's support."""
@@ -75,8 +73,8 @@ class LoadedMotion:
     @cached_property
     def inertia_force(self) -> Array:
         """Force of the parts' inertia against nominal motion and equilibrium per speed squared, (size, n)."""
-        nominal = self.train.mass * _centripetal(self.train)
-        return self.inertia_against(self.course) - nominal[:, None]
+        nominal = self.train.mass * self.train.turns**2 * _centres(self.train)
+        return self.inertia_against(self.course) + nominal[:, None]
 
     def inertia_against(self, course: Array) -> Array:
         """Force of the parts' inertia against a course in their frames, (size, n), per speed squared."""
@@ -262,7 +260,7 @@ def loaded_motion(
     """
     state = in_frames(train, train.pose(settled.x).T, theta)
     groups = train.stiffness(settled)
-    stiffness, damping = _turned(train, _summed(groups), theta), None
+    stiffness, damping = _turned(train, np.asarray(sum(groups.values())), theta), None
     if train.bench.damping_times:
         damping = _turned(train, np.broadcast_to(train.damping(groups), stiffness.shape), theta)
     course = state if between is None else held_waves(train, state, between, theta, period)
@@ -294,14 +292,6 @@ def held_waves(train: Train, state: Array, between: Array, theta: Array, period:
     waves = np.fft.rfft(fine)[:, : count // 2 + 1] / 2
     waves[:, -1] = 0
     return np.asarray(np.fft.irfft(waves, count))
-
-
-def _summed(groups: Mapping[str, Array]) -> Array:
-    """Stiffness of all contacts and springs."""
-    total = np.zeros_like(groups["pin_contact"])
-    for matrix in groups.values():
-        total += matrix
-    return total
 
 
 def in_frames(train: Train, rows: Array, theta: Array) -> Array:
@@ -341,11 +331,6 @@ def _centres(train: Train) -> Array:
             angle = 2 * math.pi * number / len(places)  # at theta = 0, and so in its frame
             made[at : at + 2] = circle * math.cos(angle), circle * math.sin(angle)
     return made
-
-
-def _centripetal(train: Train) -> Array:
-    """Acceleration of the nominal motion per speed squared, in the frames of the parts, (size,)."""
-    return np.asarray(-(train.turns**2) * _centres(train))
 
 
 def _nominal_rate(train: Train) -> Array:

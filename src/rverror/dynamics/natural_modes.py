@@ -13,7 +13,7 @@ from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.viewed import Viewed
-from rverror.dynamics.train import FREE, SUPPORTED, Train, loaded_reducer
+from rverror.dynamics.train import SUPPORTED, Train, loaded_reducer, natural_motions
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Inertia
 from rverror.model.effects import Model, check_model
@@ -122,13 +122,11 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     where = stand(model, pose(unit, [angle], torque=units.InCore(size), direction=direction)).gears
     state = statics_of(unit, where).settled(model.effects)
     groups = {name: matrix[0] for name, matrix in train.stiffness(state).items()}
-    root = np.sqrt(train.mass)
-    value, vector = np.linalg.eigh(sum(groups.values()) / np.outer(root, root))
-    value = np.where(value < FREE * value[-1], 0.0, value)
-    phi = vector / root[:, None]
+    value, phi = natural_motions(np.asarray(sum(groups.values())), train.mass)
     # the first of those that move most tells the sign: of cranks alike another would by rounding
-    most = (np.abs(vector) > (1 - _ALIKE) * np.abs(vector).max(axis=0)).argmax(axis=0)
-    phi *= np.where(vector[most, np.arange(most.size)] < 0, -1.0, 1.0)
+    moved = np.abs(phi) * np.sqrt(train.mass)[:, None]
+    most = (moved > (1 - _ALIKE) * moved.max(axis=0)).argmax(axis=0)
+    phi *= np.where(phi[most, np.arange(most.size)] < 0, -1.0, 1.0)
     frequency = np.sqrt(value) / (2 * math.pi)
     # phi has a modal mass of one tonne
     strain = {

@@ -102,6 +102,25 @@ FREE = 1e-14
 SUPPORTED = 0.5
 
 
+def natural_motions(stiffness: Array, mass: Array) -> tuple[Array, Array]:
+    """Squares of the natural frequencies, rising, 0 of free motions; and motions of mass 1 as columns.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape (size, size)
+    mass : ndarray, shape (size,)
+        Diagonal of the mass matrix.
+
+    Returns
+    -------
+    ndarray, shape (size,)
+    ndarray, shape (size, size)
+    """
+    root = np.sqrt(mass)
+    value, vector = np.linalg.eigh(stiffness / np.outer(root, root))
+    return np.where(value < FREE * value[-1], 0.0, value), vector / root[:, None]
+
+
 def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
     """Reducer of a model and size of its torque, N*mm: the rated one where none is given.
 
@@ -146,14 +165,6 @@ class Part:
     at: tuple[int, ...]
     mass: str = ""
     inertia: str = ""
-
-
-@dataclass(frozen=True)
-class Spring:
-    """Torsional spring of the bench: its stiffness and how its twist follows the coordinates."""
-
-    stiffness: float
-    row: Array
 
 
 @dataclass(frozen=True)
@@ -247,27 +258,18 @@ class Train:
         return np.asarray(np.sum(list(self.inertias.values()), axis=0))
 
     @cached_property
-    def springs(self) -> Mapping[str, Spring]:
-        """Springs of the bench by their names in its table."""
-        bench, found = self.bench, {}
-        sun, motor = self.sun_angle, self.place("input")
-
-        def row(plus: tuple[int, ...], minus: tuple[int, ...] = ()) -> Array:
-            made = np.zeros(self.size)
-            made[list(plus)] = 1.0
-            made[list(minus)] = -1.0
-            return made
-
-        if bench.position_control_stiffness is not None:
-            held = motor or sun
-            found["position_control_stiffness"] = Spring(bench.position_control_stiffness, row(held))
-        if bench.input_coupling_stiffness is not None:
-            found["input_coupling_stiffness"] = Spring(bench.input_coupling_stiffness, row(sun, motor))
-        if bench.load_coupling_stiffness is not None:
-            load = self.place("load")
-            found["load_coupling_stiffness"] = Spring(
-                bench.load_coupling_stiffness, row(self.place("carrier")[2:], load)
-            )
+    def springs(self) -> Mapping[str, Array]:
+        """Stiffness matrices, (1, size, size), of the bench's torsional springs by their names in its table."""
+        sun, motor, found = self.sun_angle, self.place("input"), {}
+        for name, held, against in (
+            ("position_control_stiffness", motor or sun, ()),
+            ("input_coupling_stiffness", sun, motor),
+            ("load_coupling_stiffness", self.place("carrier")[2:], self.place("load")),
+        ):
+            if (stiffness := getattr(self.bench, name)) is not None:
+                twist = np.zeros(self.size)
+                twist[list(held)], twist[list(against)] = 1.0, -1.0
+                found[name] = stiffness * np.outer(twist, twist)[None]
         return found
 
     @cached_property
@@ -328,9 +330,7 @@ class Train:
             "sun_support": bearing(slice(cams + reducer.cranks + 1, None)),
             "main_bearing": bearing(slice(cams + reducer.cranks, cams + reducer.cranks + 1)),
         }
-        return made | {
-            name: spring.stiffness * np.outer(spring.row, spring.row)[None] for name, spring in self.springs.items()
-        }
+        return {**made, **self.springs}
 
     def damping(self, groups: Mapping[str, Array]) -> Array:
         """Damping matrix by contact, of the stiffness of each group: c = beta k."""

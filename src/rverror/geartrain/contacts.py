@@ -102,13 +102,7 @@ def motion(mechanism: Mechanism, conditions: OperatingConditions) -> Pose:
     Pose
     """
     same = {field.name: getattr(conditions, field.name) for field in fields(OperatingConditions)}
-    checked = _checked(
-        conditions.theta,
-        conditions.direction,
-        time=conditions.time,
-        torque=conditions.torque,
-        load=conditions.load,
-    )
+    checked = _checked(**{name: same[name] for name in ("theta", "direction", "time", "torque", "load")})
     return _placed(mechanism, {**same, **checked})
 
 

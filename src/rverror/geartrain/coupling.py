@@ -170,7 +170,7 @@ SOURCES = (
         hidden="the force on a bore is constant in the carrier, and so is its journal's place",
     ),
     Source(
-        "coupling.bearing_compliance", bearing_compliance, (or_all("crank", lambda unit: range(unit.cranks)),),
+        "coupling.bearing_compliance", bearing_compliance, (or_all(CRANK),),
         compliances(3, "compliance"),
         "bearing", _with_one_disc(_compliance_orders), "001, K x = F + E",
         "crank bearing in the carrier softer than nominal",

@@ -218,7 +218,7 @@ SOURCES = (
     ),
     Source(
         "crank.bearing_compliance", bearing_compliance,
-        (or_all("crank", lambda unit: range(unit.cranks)), or_all("disc", lambda unit: range(unit.discs))),
+        (or_all(CRANK), or_all(DISC)),
         compliances(3, "compliance"),
         "bearing", _compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
         needs=("torque",), starts=EITHER_WAY,

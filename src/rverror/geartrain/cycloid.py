@@ -610,7 +610,7 @@ SOURCES = (
         equation=r"$\delta = e\, n_i$",
     ),
     Source(
-        "cycloid.pin_compliance", pin_compliance, (or_all("pin", lambda unit: range(unit.pins)),),
+        "cycloid.pin_compliance", pin_compliance, (or_all(PIN),),
         compliances(5, "compliance"),
         "housing", _one_pin_orders, "001, K x = F + E", "contacts of one pin, or of all, softer than nominal",
         alike_at_pins=lambda indices: indices["pin"] == "all",

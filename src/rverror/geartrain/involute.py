@@ -395,7 +395,7 @@ SOURCES = (
         equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(
-        "involute.mesh_compliance", mesh_compliance, (or_all("crank", lambda unit: range(unit.cranks)),),
+        "involute.mesh_compliance", mesh_compliance, (or_all(CRANK),),
         compliances(5, "compliance"),
         "carrier", constant, "001, K x = F + E", "mesh of a planet with the sun softer than nominal",
         needs=("torque",), tried=False,

@@ -328,13 +328,9 @@ def every(
     return Index(name, of, of, equivalents)
 
 
-def or_all(name: str, values: Callable[[Reducer], Sequence[IndexValue]]) -> Index:
-    """Index of which ``"all"`` is allowed beside every value, and diagnosis tries the values alone."""
-
-    def of(mechanism: Mechanism) -> Sequence[IndexValue]:
-        return values(rv(mechanism))
-
-    return Index(name, lambda mechanism: [*of(mechanism), "all"], of)
+def or_all(index: Index) -> Index:
+    """An index of which ``"all"`` is allowed beside every value, and diagnosis tries the values alone."""
+    return Index(index.name, lambda mechanism: [*index.allowed(mechanism), "all"], index.tried)
 
 
 def chosen(value: IndexValue) -> slice:

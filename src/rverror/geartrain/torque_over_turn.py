@@ -209,11 +209,9 @@ def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:
         rows = _waves(theta, harmonics)
         sizes = np.linalg.lstsq(rows.T, torque, rcond=1e-10)[0]
         square = float(np.mean((torque - sizes @ rows) ** 2))
-        fits.append((theta.size * math.log(max(square, floor)) + 2 * harmonics * math.log(theta.size), harmonics))
-    harmonics = min(fits)[1]
-    rows = _waves(theta, harmonics)
-    sizes = np.linalg.lstsq(rows.T, torque, rcond=1e-10)[0]
-    scatter, peak = float(np.sqrt(np.mean((torque - sizes @ rows) ** 2))), float(np.abs(sizes @ rows).max())
+        cost = theta.size * math.log(max(square, floor)) + 2 * harmonics * math.log(theta.size)
+        fits.append((cost, harmonics, sizes, math.sqrt(square), float(np.abs(sizes @ rows).max())))
+    _, harmonics, sizes, scatter, peak = min(fits, key=lambda fit: fit[:2])
     if scatter > _SCATTER * peak:
         raise ValueError(
             f"output_torque is {scatter / 1e3:.3g} N*m rms off what it is over the output angle, {peak / 1e3:.3g} N*m "

@@ -172,6 +172,12 @@ class AtLoad:
         """Whether it may stand for other sizes."""
         return bool(np.linalg.norm(sizes - self.sizes) < _NEARLY * np.linalg.norm(self.sizes))
 
+    @property
+    def bent(self) -> Array:
+        """Variance of how a cause bends between none and all of it, of what the load makes of its half."""
+        middle = len(self.rows) // 2 - 1
+        return np.asarray((_BENT * (self.rows[middle] - self.rows[-1] / 2)) ** 2)
+
     def grown(self, course: Course, at: Array) -> Array:
         """At some sessions about their mean, shape (sessions, d)."""
         grown = course.grown(at)
@@ -467,7 +473,7 @@ class GrowthSearch:
                     extra += known.grown(term.course, self.at)
             left = self.start - extra - np.einsum("nk,dk->nd", waves.T[:, of] * sizes, columns)
             missed = (self.missing[:, at] * sizes**2 @ (of[:, None] == np.arange(len(chosen)))).T
-            bent = missed / 4 + np.array([_half(nodes.get(t.cause), d) for t in chosen])
+            bent = missed / 4 + np.array([nodes[t.cause].bent if t.cause in nodes else np.zeros(d) for t in chosen])
             shares = _shares(missed, bent, reach, bent_reach, way.T @ left)[:, None]
             missed, bent = shares * missed, shares * bent
             variance = 1 + reach**2 @ missed + bent_reach**2 @ bent
@@ -563,14 +569,6 @@ class GrowthSearch:
         weights = np.exp(-0.5 * (scores - scores.min()))
         weights /= weights.sum()
         return [(w, one) for w, one in zip(weights.tolist(), found, strict=True) if w > 1e-4]
-
-
-def _half(known: AtLoad | None, size: int) -> Array:
-    """Variance of how a cause bends between none and all of it, of what the load makes of its half."""
-    if known is None:
-        return np.zeros(size)
-    middle = len(known.rows) // 2 - 1
-    return np.asarray((_BENT * (known.rows[middle] - known.rows[-1] / 2)) ** 2)
 
 
 def _shares(missed: Array, bent: Array, reach: Array, bent_reach: Array, left: Array) -> Array:

@@ -122,44 +122,38 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
     components: list[Component] = []
     built = []
     for place, parts in lots:
-        basis = list(dict.fromkeys((e.key, frozenset(e.indices.items())) for part in parts for e in part.errors))
-        terms = [(key, at, p) for key, at in basis for p in range(len(source(key).parameters))]
-        row = {(key, at): dict[int, int]() for key, at in basis}
-        for number, (key, at, p) in enumerate(terms):
-            row[key, at][p] = number
+        every = (
+            (e.key, frozenset(e.indices.items()), p)
+            for part in parts
+            for e in part.errors
+            for p in range(len(e.values))
+        )
+        terms = {term: number for number, term in enumerate(dict.fromkeys(every))}
         sizes, sigmas = np.zeros((2, len(parts), len(terms)))
         for number, part in enumerate(parts):
             for error in part.errors:
-                for p, value in enumerate(error.values):
-                    at_term = row[error.key, frozenset(error.indices.items())][p]
-                    sizes[number, at_term] += value
-                    sigmas[number, at_term] = error.uncertainty or 0.0
-        ways = []
-        for turn in place.turns:
-            entries = []
-            for number, (key, at, p) in enumerate(terms):
+                own = [terms[error.key, frozenset(error.indices.items()), p] for p in range(len(error.values))]
+                sizes[number, own], sigmas[number, own] = error.values, error.uncertainty or 0.0
+        entries = []  # of `moved`: way, term, component, value
+        for way, turn in enumerate(place.turns):
+            for (key, at, p), number in terms.items():
                 unit = tuple(float(p == other) for other in range(len(source(key).parameters)))
-                (error,) = mounted(
-                    MeasuredPart(place.kind, "", (Effect(key, dict(at), unit),)), reducer, place.number, turn
-                )
+                alone = MeasuredPart(place.kind, "", (Effect(key, dict(at), unit),))
+                (error,) = mounted(alone, reducer, place.number, turn)
                 for parameter, value in zip(source(key).parameters, error.values, strict=True):
                     name = (key, frozenset(error.indices.items()), parameter.name)
                     if name not in column:
                         column[name] = len(components)
                         components.append(Component(key, error.indices, parameter.name, parameter.dimension))
-                    entries.append((number, column[name], value))
-            ways.append(entries)
-        built.append((sizes, sigmas, ways))
-    every = []
-    for sizes, _, ways in built:
-        moved = np.zeros((len(ways), sizes.shape[1], len(components)))
-        for way, entries in enumerate(ways):
-            for number, at_column, value in entries:
-                moved[way, number, at_column] += value
-        every.append(moved)
-    return PlacedErrors(
-        tuple(components), tuple(sizes for sizes, _, _ in built), tuple(sigmas for _, sigmas, _ in built), tuple(every)
-    )
+                    entries.append((way, number, column[name], value))
+        built.append((sizes, sigmas, len(place.turns), entries))
+    moves = []
+    for sizes, _, ways, entries in built:
+        moved = np.zeros((ways, sizes.shape[1], len(components)))
+        for way, number, at_column, value in entries:
+            moved[way, number, at_column] += value
+        moves.append(moved)
+    return PlacedErrors(tuple(components), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves))
 
 
 @dataclass(frozen=True)

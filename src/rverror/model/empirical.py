@@ -91,15 +91,11 @@ def order_by_load(pose: Pose, *, frame: str, harmonic: int, sense: str) -> Error
 
 def _angle(pose: Pose, frame: str, harmonic: int) -> Array:
     """Phase of the order, rad."""
-    return np.asarray(harmonic * _fundamental(pose, frame) * pose.theta)
-
-
-def _fundamental(pose: Pose, frame: str) -> float:
     if frame == "output":  # a turn of the reading itself, of any mechanism
-        return 1.0
+        return harmonic * pose.theta
     if not isinstance(pose, Contacts):
         raise ValueError(f"empirical.order: frame {frame!r} needs the pose of a reducer; only 'output' does without")
-    return fundamental_orders(pose.reducer)[frame]
+    return harmonic * fundamental_orders(pose.reducer)[frame] * pose.theta
 
 
 def _orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:

@@ -386,14 +386,10 @@ class Prediction(OneLine):
     poses: Array | None = None
 
 
-def trace_of_load(reducer: Reducer) -> float:
-    """Torque on the carrier that stands for none, N*mm."""
-    return _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
-
-
 def carried_torque(reducer: Reducer, torque: float | Array) -> float | Array:
     """Torque on the carrier under one on the output, or one at each angle, N*mm; a trace of load where that is less."""
-    carried, trace = abs(reducer.output_turn) * torque, trace_of_load(reducer)
+    carried = abs(reducer.output_turn) * torque
+    trace = _NO_LOAD * reducer.stiffness.pin_contact * reducer.pin_circle_radius**2
     return np.maximum(carried, trace) if isinstance(carried, np.ndarray) else carried or trace
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from rverror.model.compose import effect_matrix, effect_values, source_matrix
 from rverror.model.effects import Model
 from rverror.model.readings import felt
 from rverror.statics.energy import Layout
-from rverror.statics.loaded_state import Prediction, Statics, statics_of
+from rverror.statics.loaded_state import Prediction, statics_of
 
 
 def uses_equilibrium(model: Model, conditions: OperatingConditions) -> bool:
@@ -43,54 +42,18 @@ def predict(model: Model, conditions: OperatingConditions) -> Prediction:
     NotConvergedError
         If the equilibrium was not reached at some angle.
     """
-    return Predictor(model.mechanism, conditions).predict(model)
-
-
-@dataclass(frozen=True)
-class Predictor:
-    """Predictions for one mechanism under one set of conditions, prepared once for many models.
-
-    Attributes
-    ----------
-    mechanism : Reducer or Drive
-    conditions : OperatingConditions
-    """
-
-    mechanism: Mechanism
-    conditions: OperatingConditions
-
-    def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
-        """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.
-
-        Parameters
-        ----------
-        model : Model
-            Of this mechanism.
-        near : Prediction, optional
-
-        Returns
-        -------
-        Prediction
-        """
-        gears = felt(model.effects)
-        if any(source(e.key).acts == "marks" for e in model.effects):
-            _check_whole_periods(self.mechanism, self.conditions.theta)
-            turned = self._ahead(model).predict(replace(model, effects=gears), near)
-            return _as_read(model, motion(self.mechanism, self.conditions), turned)
-        if not uses_equilibrium(model, self.conditions):
-            where = motion(self.mechanism, self.conditions)
-            matrix = effect_matrix(where, closed_form_forces(where), model.effects)
-            return Prediction(effect_values(model.effects) @ matrix, matrix)
-        found = self._whole.predict(gears, near.poses if near else None)
-        return _as_read(model, replace(self._whole.motion, time=self.conditions.time), found)
-
-    def _ahead(self, model: Model) -> Predictor:
-        """Predictor of the gear train where it stands, its marks ahead of the bench's zero."""
-        return Predictor(self.mechanism, self.conditions.at(self.conditions.theta + model.index_offset))
-
-    @cached_property
-    def _whole(self) -> Statics:
-        return statics_of(self.mechanism, replace(self.conditions, time=None))
+    gears = felt(model.effects)
+    if any(source(e.key).acts == "marks" for e in model.effects):
+        _check_whole_periods(model.mechanism, conditions.theta)
+        ahead = conditions.at(conditions.theta + model.index_offset)  # where the gear train stands
+        turned = predict(replace(model, effects=gears), ahead)
+        return _as_read(model, motion(model.mechanism, conditions), turned)
+    if not uses_equilibrium(model, conditions):
+        where = motion(model.mechanism, conditions)
+        matrix = effect_matrix(where, closed_form_forces(where), model.effects)
+        return Prediction(effect_values(model.effects) @ matrix, matrix)
+    statics = statics_of(model.mechanism, replace(conditions, time=None))
+    return _as_read(model, replace(statics.motion, time=conditions.time), statics.predict(gears))
 
 
 def _check_whole_periods(mechanism: Mechanism, theta: Array) -> None:

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -348,7 +348,7 @@ def wear(
     rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size))
     effects = [wearing.effects(one) for one in worn]
     places = theta[:: max(theta.size // _LOST_AT, 1)]
-    depths = _Worn(*(np.array([getattr(one, item.name) for one in worn]) for item in fields(_Worn)))
+    depths = _Worn(*map(np.array, zip(*worn, strict=True)))
     return Wear(
         model=model,
         duty=cycle,
@@ -380,8 +380,7 @@ def _row_of_hours(hours: Any) -> Array:
     return row
 
 
-@dataclass(frozen=True)
-class _Worn:
+class _Worn(NamedTuple):
     """What is worn off: lengths in mm, volumes in mm^3; or x, all of that over the coefficient of the body or joint.
 
     Attributes
@@ -410,7 +409,7 @@ class _Worn:
 
     def plus(self, other: _Worn, share: float) -> _Worn:
         """This and a share of another."""
-        return _Worn(*(getattr(self, f.name) + share * getattr(other, f.name) for f in fields(self)))
+        return _Worn(*(own + share * more for own, more in zip(self, other, strict=True)))
 
     @property
     def lobe(self) -> Array:
@@ -485,16 +484,15 @@ class _Wearing:
         lobes = by.disc * x.lobes
         if "disc" in self.rough:
             lobes = lobes + _waves_of(self._run_in("disc", _over_phases(x.lobes)))
-        thinning = [
-            getattr(by, body) * one + self._run_in(body, one, surfaces=self.flanks * deep)
-            for body, one in zip(("sun", "planet"), x.thinning, strict=True)
+        rough = [
+            self._run_in(*one, surfaces=self.flanks * deep) for one in zip(("sun", "planet"), x.thinning, strict=True)
         ]
         return _Worn(
             lobes,
             by.disc * x.slow,
             by.pin * x.pin + self._run_in("pin", x.pin),
             by.pin * x.each_pin,
-            np.array(thinning),
+            x.thinning * [by.sun, by.planet] + rough,
             x.volume * [getattr(by, body) for body in BODIES],
             x.joints * [getattr(by, joint) for joint in JOINTS],
         )
@@ -584,16 +582,13 @@ class _Wearing:
         for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
             if self._wears(member):
                 made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
-        cam, carrier, spline = map(float, worn.joints)
-        if self.by.cam_bearing:
-            made.append(effect(BEARING_CLEARANCE, clearance=cam, origin=_ORIGIN))
-        if self.by.carrier_bearing:
-            made.append(effect(CARRIER_CLEARANCE, clearance=carrier, origin=_ORIGIN))
-        if self.by.spline:
-            made += [
-                effect(SPLINE_CLEARANCE, crank=crank, clearance=spline, origin=_ORIGIN)
-                for crank in range(self.reducer.cranks)
-            ]
+        gaining: tuple[tuple[str, float, list[dict[str, int]]], ...] = (
+            (BEARING_CLEARANCE, self.by.cam_bearing, [{}]),
+            (CARRIER_CLEARANCE, self.by.carrier_bearing, [{}]),
+            (SPLINE_CLEARANCE, self.by.spline, [{"crank": crank} for crank in range(self.reducer.cranks)]),
+        )
+        for (key, gains, places), size in zip(gaining, worn.joints.tolist(), strict=True):
+            made += [effect(key, clearance=size, origin=_ORIGIN, **at) for at in places if gains]
         return tuple(made)
 
     def deepest(self, worn: _Worn) -> float:
@@ -604,12 +599,7 @@ class _Wearing:
 
 def _sums(amount: Array, angle: Array, harmonics: Any) -> Any:
     """Sum over all pins and angles of an amount times each wave exp(i h angle), (discs, waves)."""
-    once, found = np.exp(1j * angle), []
-    wave = amount * once ** harmonics[0]
-    for _ in harmonics:
-        found.append(wave.sum(axis=(1, 2)))
-        wave = wave * once
-    return np.stack(found, axis=-1)
+    return np.stack([(amount * np.exp(1j * h * angle)).sum(axis=(1, 2)) for h in harmonics], axis=-1)
 
 
 def _by_phase(amount: Array, lead: Array) -> Array:

@@ -27,7 +27,7 @@ from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.readings import added, felt, stand
+from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Geometry, by_contact, loaded_problem, solve
 from rverror.statics.loaded_state import NotConvergedError, Settled, carried_torque, check_found
 from rverror.tolerances.specification import Limit
@@ -104,14 +104,6 @@ class _Closings:
         """Of the turn."""
         return int(self.matrix.shape[0]) // self.width
 
-    @cached_property
-    def _by_angle(self) -> Any:
-        """The matrix with a row for each angle and component, and a column for each contact of each angle."""
-        entries = self.matrix.tocoo()
-        rows = entries.row // self.width * self.matrix.shape[1] + entries.col
-        shape = self.angles * self.matrix.shape[1], self.matrix.shape[0]
-        return scipy.sparse.csr_array((entries.data, (rows, entries.row)), shape=shape)
-
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
         if 2 * places.size > self.angles:  # all rows are multiplied sooner than most of them are picked
@@ -123,8 +115,6 @@ class _Closings:
 
     def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        if np.array_equal(places, np.arange(self.angles)):  # a third of the time of a product of sparse matrices
-            return np.asarray((self._by_angle @ forces.ravel()).reshape(self.angles, -1), dtype=np.float64)
         own = np.arange(0, forces.size + 1, self.width)  # of each angle its own contacts
         shape = places.size, self.matrix.shape[0]
         forced = scipy.sparse.csr_array((forces.ravel(), self._rows(places), own), shape=shape)
@@ -196,8 +186,8 @@ class LoadedTurn:
         place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
         matrix = scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
         closings = _Closings(width, matrix)
-        kept = replace(model, effects=tuple(e for e in model.effects if source(e.key).acts in counted))
-        return cls(model, geometry, closings, tuple(yielding), added(kept.effects, where.read), beyond)
+        nominal = added((model if reads else unread(model)).effects, where.read)
+        return cls(model, geometry, closings, tuple(yielding), nominal, beyond)
 
     @property
     def reducer(self) -> Reducer:
@@ -313,10 +303,7 @@ class TurnState:
     @property
     def output(self) -> Array:
         """Turn of the output, less what acts beyond the contacts, rad."""
-        x = self.solution.x[:, 2]
-        if self.line.idle:  # take the trace of load off
-            x = x + self.problem.load[:, 2] / self.line.reducer.output_turn * self.solution.pose_change[:, 2]
-        return np.asarray(self.line.reducer.output_turn * x, dtype=np.float64)
+        return (self._settled.unloaded() if self.line.idle else self._settled).transmission_error
 
     def some(self, chosen: Integers) -> TurnState:
         """The same at a few of its angles, with changes per unit of output torque."""
@@ -452,7 +439,9 @@ class LoadedUnits:
             poses = before[number] if number < len(before) else none
             try:
                 return [
-                    self._turns(one, values[number], slopes=slopes, decide=decide, near=first)
+                    self._between(one, values[number], slopes=slopes, near=first)
+                    if one.loads
+                    else self._span(one, values[number], slopes=slopes, decide=decide, near=first)
                     for one, first in zip(self.limits, poses, strict=True)
                 ]
             except NotConvergedError as problem:
@@ -479,13 +468,6 @@ class LoadedUnits:
             return Solved(largest.max(axis=2), failures)
         poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
         return Solved(largest.max(axis=2), failures, largest, slope, poses)
-
-    def _turns(
-        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
-    ) -> _LargestTurns:
-        if limit.loads:
-            return self._between(limit, values, slopes=slopes, near=near)
-        return self._span(limit, values, slopes=slopes, decide=decide, near=near)
 
     def _span(
         self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None

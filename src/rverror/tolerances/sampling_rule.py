@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +40,8 @@ class Component:
 class WorstGroup:
     """Components whose values the worst case chooses together."""
 
-    #: ``"box"``: one number, within +-`radius` widths.  ``"circle"``: a vector, no longer than `radius` widths.
-    kind: Literal["box", "circle"]
-    #: (instances, 1) or (instances, 2); instances that move as one, the columns are the components of the vector.
+    #: Of instances that move as one, (instances, 1): a number, within +-`radius` widths; or (instances, 2): those of a
+    #: vector, no longer than `radius` widths.
     components: Integers
     radius: float = 1.0  #: in widths of the tolerance
 
@@ -171,7 +170,7 @@ class SamplingRule:
             return self._worst_of_classes(rows)
         groups = kept if as_one else [vector[i : i + 1] for i in range(self.instances) for vector in kept]
         radius = 1.0 if self.distribution.vector or not circles else math.sqrt(2)  # a box turned about its corner
-        return tuple(WorstGroup("circle" if circles else "box", group, radius) for group in groups)
+        return tuple(WorstGroup(group, radius) for group in groups)
 
     def _worst_of_classes(self, rows: Integers) -> tuple[WorstGroup, ...]:
         assert isinstance(self.distribution, Scalar)
@@ -180,10 +179,10 @@ class SamplingRule:
         for place in dict.fromkeys(self.alike):
             members = rows[np.equal(self.alike, place)]
             if members.size == 1:
-                groups.append(WorstGroup("box", members[:, None]))
+                groups.append(WorstGroup(members[:, None]))
                 continue
-            groups.append(WorstGroup("box", members[:, None], 1 - own))
-            groups += [WorstGroup("box", members[i : i + 1, None], own) for i in range(members.size)]
+            groups.append(WorstGroup(members[:, None], 1 - own))
+            groups += [WorstGroup(members[i : i + 1, None], own) for i in range(members.size)]
         return tuple(groups)
 
 

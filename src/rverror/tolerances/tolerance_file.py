@@ -12,7 +12,7 @@ from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
 from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
-from rverror.base.toml import EXAMPLES, KeyPath, Table, TomlText, is_number, is_text, read_toml
+from rverror.base.toml import EXAMPLES, KeyPath, Table, TomlText, is_number, is_text, is_whole, read_toml
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.model.model_file import source_of
@@ -61,7 +61,7 @@ def read_table(path: PathLike) -> TomlText:
             raise InputError(f"{name}, line {number}: {len(row)} cells for {len(columns)} columns; correct the row")
         where = f"{name}, line {number}"
         cells = ((*column, cell) for column, cell in zip(columns, row, strict=False))
-        given = {column: _cell(where, column, cell, unit) for column, unit, cell in cells if column and cell}
+        given = {column: _cell(column, cell, unit) for column, unit, cell in cells if column and cell}
         listed.append(_entry(where, given))
     return TomlText(name, {"tolerance": listed}, {("tolerance", i): number for i, (number, _) in enumerate(body)})
 
@@ -70,23 +70,25 @@ def _column(name: str, line: int, head: str) -> tuple[str, str]:
     """Column and unit of a title."""
     title, _, unit = head.partition("[")
     title = title.strip().lower().replace(" ", "_")
-    if title and title not in _READ:
-        hint = did_you_mean(title, _READ)
+    if title and title not in _CELLS:
+        hint = did_you_mean(title, _CELLS)
         raise InputError(
-            f"{name}, line {line}: unknown column {shown(title)};{hint} the columns are {', '.join(_READ)}"
+            f"{name}, line {line}: unknown column {shown(title)};{hint} the columns are {', '.join(_CELLS)}"
         )
     return title, unit.rstrip("] ")
 
 
-def _cell(where: str, name: str, cell: str, unit: str) -> Any:
-    """Value of a cell, with the unit of its column where it has none itself."""
+def _cell(name: str, cell: str, unit: str) -> Any:
+    """Value of a cell, with the unit of its column where it has none itself.
+
+    A cell that cannot be read stays a text, which the check of kinds refuses.
+    """
     if name in _WITH_UNIT and unit and not any(letter.isalpha() for letter in cell.replace("e", "")):
         cell = f"{cell} {unit}"
-    read, remedy = _READ[name]
     try:
-        return read(cell)
-    except (LookupError, ValueError) as error:
-        raise InputError(f"{where}: {name} is {shown(cell)}; {remedy}") from error
+        return _CELLS[name](cell)
+    except (LookupError, ValueError):
+        return cell
 
 
 def _entry(where: str, entry: dict[str, Any]) -> dict[str, Any]:
@@ -124,26 +126,8 @@ def _correlations(cell: str) -> dict[str, float]:
 
 def _fit(cell: str) -> dict[str, Any]:
     """Other tolerance, classes and order of ``bores: 3 opposite``."""
-    other, rest = cell.rsplit(":", 1)
-    number, *order = rest.split()
-    if order not in ([], ["opposite"]):
-        raise ValueError(order)
-    return {"with": other.strip(), "classes": int(number), "opposite": bool(order)}
-
-
-_INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
-_FLAGS = dict.fromkeys(("true", "yes", "1", "x"), True) | dict.fromkeys(("false", "no", "0", ""), False)
-#: How the cells of each column are read, and what to write where they cannot be; indices have the catalogue's names.
-_READ: Mapping[str, tuple[Callable[[str], Any], str]] = {
-    **dict.fromkeys(("name", "key", "tolerance", "grade", "size", "diameter", "module", "distribution"), (str, "")),
-    **dict.fromkeys(("mean", "phase", "at", "lower", "upper", "least", "largest", "curve"), (str, "")),
-    **dict.fromkeys(("capability", "shape", "correlation", "classes", "price", "base"), (float, "give a number")),
-    "parameter": (_parts, ""),
-    "correlated_with": (_correlations, "write it like 'cams: 0.6; bores: -0.2'"),
-    "fit": (_fit, "write it like 'bores: 3' or 'bores: 3 opposite'"),
-    "fixed": (lambda cell: _FLAGS[cell.lower()], "write yes or no"),
-    **dict.fromkeys(_INDICES, (_index, "")),
-}
+    other, classes = cell.removesuffix(" opposite").rsplit(":", 1)
+    return {"with": other.strip(), "classes": int(classes), "opposite": cell.endswith(" opposite")}
 
 
 #: Indent, and what follows the value, of a line that holds one key with a text.
@@ -151,57 +135,57 @@ _VALUE = re.compile(r"""(\s*)["']?(?:tolerance|grade)["']?\s*=\s*(?:"[^"]*"|'[^'
 _SIZES = ("tolerance", "grade", "samples")
 #: What a grade needs to know of the part, by the standard, with an example; ISO 286, ISO 1328.
 _PARTS = {"size": "32 mm"}, {"diameter": "13.5 mm", "module": "1.5 mm"}
-_KEYS = (
-    "name", "key", "indices", "parameters", "tolerance", "grade", "size", "diameter", "module", "samples",
-    "distribution", "capability", "shape", "mean", "correlation", "correlated_with", "classes", "fit", "phase", "fixed",
-    "bounds", "cost",
-)  # fmt: skip
+_INDICES = tuple(dict.fromkeys(index.name for entry in CATALOGUE.values() for index in entry.indices))
+_FLAGS = dict.fromkeys(("true", "yes", "1", "x"), True) | dict.fromkeys(("false", "no", "0", ""), False)
 
 
-def _is_names(value: object) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(name, str) for name in value)
+def _is_list(value: object) -> bool:
+    return isinstance(value, list)
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, dict)
 
 
 def _is_correlations(value: object) -> bool:
     return isinstance(value, dict) and all(map(is_number, value.values()))
 
 
-#: Of a key: whether a value is of its kind, what it must be, and an example with names and size of the source.
-_KINDS: Mapping[str, tuple[Callable[[Any], bool], str, str]] = {
-    **dict.fromkeys(("name", "distribution", "phase"), (is_text, "a text", '"..." with quotes')),
-    **dict.fromkeys(("capability", "shape", "correlation"), (is_number, "a bare number", "1.0")),
-    "classes": (lambda v: is_number(v) and float(v).is_integer(), "a whole number", "4"),
-    "fixed": (lambda v: isinstance(v, bool), "true or false", "true"),
-    "parameters": (_is_names, "a list", '["%(parameter)s"]'),
-    "indices": (lambda v: isinstance(v, dict), "a table", "{ %(index)s = 0 }"),
-    "samples": (lambda v: isinstance(v, list), "a list of measured values", '["%(size)s", "%(size)s"]'),
-    "bounds": (
-        lambda v: isinstance(v, list) and len(v) == 2,
-        "two widths, the smaller first",
-        '["%(size)s", "%(size)s"]',
-    ),
-    "correlated_with": (
-        _is_correlations,
-        "a table of names and bare numbers",
-        '{ "crank.eccentricity" = 0.6 }',
-    ),
+_Field = tuple[Callable[[Any], bool], str, Callable[[str], Any] | None]
+#: Of a key: whether a value is of its kind; what it must be, with an example; what reads it in a cell of a table.
+_FIELDS: Mapping[str, _Field] = {
+    **dict.fromkeys(("name", "distribution", "phase"), (is_text, "a text, in quotes", str)),
+    **dict.fromkeys(("capability", "shape", "correlation"), (is_number, "a bare number, such as 1.0", float)),
+    "classes": (is_whole, "a whole number, such as 4", int),
+    "fixed": (lambda v: isinstance(v, bool), "true or false, in a cell yes or no", lambda cell: _FLAGS[cell.lower()]),
+    "correlated_with": (_is_correlations, "like { cams = 0.6 }, in a cell 'cams: 0.6; bores: -0.2'", _correlations),
+    "fit": (_is_table, "like { with = 'bores', classes = 3 }, in a cell 'bores: 3' or 'bores: 3 opposite'", _fit),
+    "parameters": (lambda v: _is_list(v) and v, 'a list, such as ["%(parameter)s"]', _parts),
+    "indices": (_is_table, "a table; write indices = { %(index)s = 0 }", None),
+    "samples": (_is_list, 'a list of measured values, such as ["%(size)s", "%(size)s"]', None),
+    "bounds": (lambda v: _is_list(v) and len(v) == 2, 'two widths, the smaller first: ["%(size)s", "%(size)s"]', None),
 }
-#: Keys whose value goes on as it is.
-_PLAIN = ("name", "distribution", "phase", "fixed", "fit", "parameters", "correlated_with")
+_LENGTHS = ("size", "diameter", "module")
+_CHECKED = ("key", "tolerance", "grade", *_LENGTHS, "mean")  # where they are used
+_KEYS = (*_CHECKED, *_FIELDS, "cost")
+#: What reads the cells of each column of a table.
+_CELLS: Mapping[str, Callable[[str], Any]] = {
+    **dict.fromkeys((*_CHECKED, "lower", "upper", "least", "largest", "curve", "at"), str),
+    **{name: read for name, (_, _, read) in _FIELDS.items() if read},
+    "parameter": _parts,
+    **dict.fromkeys(("price", "base"), float),
+    **dict.fromkeys(_INDICES, _index),
+}
 
 _CURVES: Mapping[str, type[Reciprocal | ReciprocalSquare]] = {
     "reciprocal": Reciprocal,
     "reciprocal_square": ReciprocalSquare,
 }
-_COST_KEYS = {
-    "curve": ("curve", "price", "at", "base"),
-    "grades": ("grades", "size", "diameter", "module"),
-    "table": ("table",),
-}
-_COST_EXAMPLES = {
-    "curve": 'cost = { curve = "reciprocal", price = 12.0, at = "%s", base = 3.0 }',
-    "grades": 'cost = { grades = { IT4 = 40.0, IT5 = 22.0 }, size = "32 mm" }',
-    "table": 'cost = { table = [["%s", 30.0]] }',
+#: Of each kind of cost its keys and an example.
+_COSTS = {
+    "curve": (_CURVE, 'cost = { curve = "reciprocal", price = 12.0, at = "%s", base = 3.0 }'),
+    "grades": (("grades", *_LENGTHS), 'cost = { grades = { IT4 = 40.0, IT5 = 22.0 }, size = "32 mm" }'),
+    "table": (("table",), 'cost = { table = [["%s", 30.0]] }'),
 }
 
 
@@ -340,14 +324,14 @@ class _Entry:
         self.where, self.place, self.table = where, place, table
         self.source = source_of(where, place, table)
         where.check_keys(place, table, _KEYS, "key of [[tolerance]]")
-        names, every = table.get("parameters") or (), self.source.parameters
-        chosen = [p for p in every if _is_names(names) and p.name in names] or every  # others are refused with it
+        every, names = self.source.parameters, table.get("parameters", ())
+        chosen = [p for p in every if _is_list(names) and p.name in names] or every  # others are refused with it
         self.dimension = chosen[0].dimension
         self.example = EXAMPLES[self.dimension]
         index = next((index.name for index in self.source.indices), "disc")
         examples = {"parameter": every[0].name, "index": index, "size": self.example}
-        for name, (fits_kind, must, example) in _KINDS.items():
-            where.checked(place, table, name, fits_kind, f"{must}; write {name} = {example % examples}")
+        for name, (fits_kind, must, _) in _FIELDS.items():
+            where.checked(place, table, name, fits_kind, must % examples)
 
     def refuse(self, name: str, message: str) -> NoReturn:
         """Refuse with the line of a key."""
@@ -359,8 +343,7 @@ class _Entry:
         size, samples = self._size()
         # what a file says has a unit
         width = f"{size!r} {units.CORE_UNITS[self.dimension]}" if isinstance(size, float) else size
-        given = {name: table[name] for name in _PLAIN if name in table}
-        given |= {name: float(table[name]) for name in ("capability", "shape", "correlation") if name in table}
+        given = {name: table[name] for name, (_, _, read) in _FIELDS.items() if read and name in table}
         with self.where.refusing(lambda said: (*self.place, self._blamed(said))):
             item = tolerance(
                 self.source.key,
@@ -369,7 +352,6 @@ class _Entry:
                 mean=self._with_units("mean"),
                 bounds=self._with_units("bounds"),
                 cost=self._cost(),
-                classes=int(table.get("classes", 1)),
                 **given,
                 **self._indices(),
             )
@@ -484,18 +466,18 @@ class _Entry:
         value = self.table.get("cost")
         if value is None:
             return None
-        kinds = [kind for kind in _COST_KEYS if isinstance(value, dict) and kind in value]
+        kinds = [kind for kind in _COSTS if isinstance(value, dict) and kind in value]
         if not isinstance(value, dict) or len(kinds) != 1:
             said = "several kinds of cost" if kinds else "no kind of cost"
-            examples = " or ".join(map(self._cost_example, _COST_KEYS))
+            examples = " or ".join(map(self._cost_example, _COSTS))
             self.refuse("cost", f"cost = {shown(value)}: {said}; write {examples}")
         kind = kinds[0]
-        self.where.check_keys((*self.place, "cost"), value, _COST_KEYS[kind], f"key of a cost with {kind}")
+        self.where.check_keys((*self.place, "cost"), value, _COSTS[kind][0], f"key of a cost with {kind}")
         with self.where.refusing((*self.place, "cost"), "cost: "):
             return {"curve": self._curve, "grades": self._grades, "table": self._price_table}[kind](value)
 
     def _cost_example(self, kind: str) -> str:
-        return _COST_EXAMPLES[kind].replace("%s", self.example)
+        return _COSTS[kind][1].replace("%s", self.example)
 
     def _curve(self, value: Mapping[str, Any]) -> Cost:
         curve = value["curve"]
