@@ -129,15 +129,15 @@ class Forced:
         Stiffness, damping and forces between their angles are those of their Fourier series, where that keeps
         the stiffness above nothing; scipy's DOP853 takes the steps.
         """
+        from rverror.dynamics.rates import rates  # numba takes a while to import
+
         system, m = self.oscillator, self.oscillator.size
+        rows = np.ascontiguousarray(np.moveaxis(self._rows.c, 0, -1))
 
         def derivative(time: float, state: Array) -> Array:
-            theta, speed, acceleration = course(time)
-            (stiffness, damping), forces = self.at(theta)
-            stiffness = stiffness + speed**2 * system.centrifugal + acceleration / 2 * system.turning
-            damping = damping + speed * system.turning
-            force = speed**2 * forces[0] + acceleration * forces[1]
-            return np.concatenate([state[m:], force - stiffness @ state[:m] - damping @ state[m:]])
+            found = np.empty_like(state)
+            rates(state, *course(time), rows, system.period, system.centrifugal, system.turning, found)
+            return found
 
         first = np.zeros(2 * m) if start is None else np.concatenate(start)
         # what a coordinate is driven to is the measure of what counts
