@@ -23,11 +23,12 @@ from rverror.views.plots.zoomable import figure_element
 #: Plots that show a kind of result; of any other the usual one.
 _KINDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "resonances", "shares"),
+        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "shares"),
         "ErrorBudget": ("contributions", "distribution", "at_load"),
         "Allocation": ("widths", "front", "at_load"),
-        "Lot": ("processes", "shares", "orders", "predicted"),
+        "Lot": ("processes", "shares"),
         "Compensation": ("orders", "waveform"),
+        "SpeedResponse": ("campbell", "order_map"),
     }
 )
 _PAGE_ALONE = "residual"  # which one figure of all has no room for
@@ -56,19 +57,18 @@ def figure_of(result: Any, **options: Any) -> Figure:
     result, **options
         As of `figures_of`.
     """
-    figure = bare_figure(_WIDTH, _HEIGHT)
+    figure, rows = bare_figure(_WIDTH, _HEIGHT), []
     for kind, given in _plots(result, options):
         if kind == _PAGE_ALONE:
             continue
         ax = figure.add_subplot()
         try:
-            draw(result, ax, kind=kind, **given)
+            rows.append(draw(result, ax, kind=kind, **given))
         except InputError:  # nothing of the kind
             ax.remove()
-    rows = len(figure.axes)
-    figure.set_size_inches(_WIDTH, _HEIGHT * rows)
-    grid = figure.add_gridspec(rows, 1)
-    for row, ax in enumerate(figure.axes):
+    figure.set_size_inches(_WIDTH, _HEIGHT * len(rows))
+    grid = figure.add_gridspec(len(rows), 1)
+    for row, ax in enumerate(rows):
         ax.set_subplotspec(grid[row, 0])
     return figure
 

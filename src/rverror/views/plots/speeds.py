@@ -1,8 +1,6 @@
-"""Plots of the output error at speed: amplitudes by order, Campbell diagram, map of orders over speed, run-up."""
+"""Plots of the output error at speed: Campbell diagram, map of orders over speed, run-up."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +8,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
-from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
+from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.running_up import RunUp
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
@@ -33,42 +31,6 @@ _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
 _APART = 0.045  # of what an axis shows, between texts
 _LINE = 10.0  # points, of small text
-
-
-def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
-    """Amplitude of the largest orders over the input speed, their peaks marked.
-
-    Parameters
-    ----------
-    response : SpeedResponse
-    most : int
-        So many orders are drawn, those that are largest at some speed; the title says of how many.
-    """
-    ax = axes_for(ax, height=4.2)
-    leading = _leading(response, most)
-    speed = in_shown_unit(response.speed, "angular_speed")
-    size = in_shown_unit(np.abs(response.waves), "angle")
-    lines(ax, speed, ((_named(response.order[at]), size[:, at]) for at in leading))
-    _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
-    return labelled(
-        ax,
-        *_title("error by order", response, leading),
-        x=_SPEED,
-        y=f"amplitude, {shown_unit('angle')}",
-        ylim=(0, None),
-        legend="beside",
-    )
-
-
-def _mark_critical(
-    ax: Axes, response: SpeedResponse, leading: npt.NDArray[np.intp], height: Callable[[CriticalSpeed], float]
-) -> None:
-    """Ring the critical speeds of the orders that are drawn."""
-    peaks = [one for one in response.critical_speeds if one.order in response.order[leading]]
-    if peaks:
-        places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
-        heights = [height(one) for one in peaks]
-        ax.plot(places, heights, "o", color=style.BLACK, markerfacecolor="none", label="critical")
 
 
 def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -106,7 +68,11 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
             ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=width)
-    _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
+    critical = [one for one in response.critical_speeds if one.order in response.order[leading]]
+    if critical:
+        speed, order = np.array([(one.speed, one.order) for one in critical]).T
+        rings = in_shown_unit(speed, "angular_speed"), order * speed / (2 * np.pi * response.ratio)
+        ax.plot(*rings, "o", color=style.BLACK, mfc="none", label="critical")
     found = _crossings(response, leading, last, top)
     for number, (speed, frequency, *_) in enumerate(found, start=1):
         ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
