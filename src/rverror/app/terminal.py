@@ -124,13 +124,13 @@ def save(metavar: str, help: str) -> dict[str, Option]:
     return {"--save": option(metavar, help, writes=True)}
 
 
-def results(*, plot: str | None = None, tables: bool = True) -> dict[str, Option]:
+def results(*, plot: str | None = None) -> dict[str, Option]:
     """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
-    found = {"--json": option("OUT.json", "write the result as JSON", writes=True)}
-    if tables:
-        page = "write one self-contained page with tables and pictures"
-        found["--html --report"] = option("OUT.html", page, writes=True)
-        found["--xlsx"] = option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True)
+    found = {
+        "--json": option("OUT.json", "write the result as JSON", writes=True),
+        "--html --report": option("OUT.html", "write one self-contained page with tables and pictures", writes=True),
+        "--xlsx": option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True),
+    }
     if plot is not None:
         found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
     return found
