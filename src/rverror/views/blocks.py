@@ -49,14 +49,20 @@ class Sentence:
 
 @dataclass(frozen=True)
 class Listing:
-    """Table of texts and numbers."""
+    """Table of texts and numbers; `links` are where the first cell of each row leads, empty for nowhere."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
+    links: tuple[str, ...] = ()
+
+    @property
+    def most(self) -> int:
+        """Rows that are shown: all of an index."""
+        return len(self.rows) if self.links else MOST_ROWS
 
     def cells(self) -> list[list[str]]:
         """Rows as texts, as many as are shown."""
-        return [[_cell(value) for value in row] for row in self.rows[:MOST_ROWS]]
+        return [[_cell(value) for value in row] for row in self.rows[: self.most]]
 
     def flush(self) -> list[int]:
         """Columns of numbers alone, which are set flush right."""
@@ -86,7 +92,7 @@ class Listing:
 
     def more(self) -> str:
         """How many rows are not shown."""
-        left = len(self.rows) - MOST_ROWS
+        left = len(self.rows) - self.most
         return f"and {left} more" if left > 0 else ""
 
 
@@ -132,10 +138,10 @@ def section(heading: str, *blocks: Block) -> Sheet:
     return (Heading(heading), *blocks) if blocks else ()
 
 
-def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
+def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]], links: Sequence[str] = ()) -> Sheet:
     """Table, nothing where it has no row."""
     listed = tuple(tuple(row) for row in rows)
-    return (Listing(tuple(heads), listed),) if listed else ()
+    return (Listing(tuple(heads), listed, tuple(links)),) if listed else ()
 
 
 def facts(given: Mapping[str, str]) -> Sheet:
@@ -221,6 +227,8 @@ def _html_of(block: Block) -> str:
             parts = []
             for part in block.parts():
                 rows = [[escaped(row[at]) for at in part] for row in block.cells()]
+                for row, target in zip(rows, block.links, strict=False):
+                    row[0] = f'<a href="{escaped(target)}">{row[0]}</a>' if target else row[0]
                 flush = [place for place, at in enumerate(part) if at in block.flush()]
                 parts.append(table([block.heads[at] for at in part], rows, numbers=flush))
             return "\n".join(parts) + (_soft(block.more()) if block.more() else "")
