@@ -22,7 +22,7 @@ from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.model_file import append_effects
+from rverror.model.model_file import load_model, save_model
 from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
@@ -286,11 +286,11 @@ def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any
         write_output(plot, to_bytes(draw().figure if draw else figure_of(found, **more), "png"))
 
 
-def save_model(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
+def save_with(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
     """Write the model with more effects, as the option --save asks."""
     if options.save:
         say_replaced(options.save)
-        append_effects(options.model, options.save, [rounded(effect) for effect in effects], overwrite=True)
+        save_model(options.save, load_model(options.model).with_effects(*map(rounded, effects)), overwrite=True)
 
 
 @contextmanager
