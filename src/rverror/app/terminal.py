@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rverror.base import units
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.spreadsheet import openpyxl_for
 from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
@@ -383,10 +383,8 @@ def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
     dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
     mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
-    try:
+    with refusing(f"--arm {text!r}: ", f"; write it like '{_ARM}'"):
         return GravityArm(mass=mass, lever=lever, offset=offset)
-    except ValueError as problem:
-        raise InputError(f"--arm {text!r}: {problem}; write it like '{_ARM}'") from problem
 
 
 #: Option for phases of a duty.
@@ -405,10 +403,8 @@ def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     for text in texts:
         dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
         torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
-        try:
+        with refusing(f"--phase {text!r}: ", f"; write it like '{_PHASE}'"):
             phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
-        except ValueError as problem:
-            raise InputError(f"--phase {text!r}: {problem}; write it like '{_PHASE}'") from problem
     return phases
 
 

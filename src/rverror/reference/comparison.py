@@ -179,7 +179,7 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
             "360 deg; give one or more whole turns",
         )
-    targets = _targets(case, angle[0], turns)
+    targets, order = _targets(case, angle[0], turns)
     if not _samples_at(angle, targets):
         resolved = _check_step(name, step, wanted)
         notes.append(
@@ -190,23 +190,17 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
     if turns > 1:
         notes.append(f"{turns} whole turns: their mean is compared")
     mean = np.empty(wanted.size)
-    mean[_places(case, targets[: wanted.size])] = values.reshape(turns, wanted.size).mean(axis=0)
+    mean[order] = values.reshape(turns, wanted.size).mean(axis=0)
     return mean, notes
 
 
-def _targets(case: StoredCase, start: float, turns: int) -> Array:
-    """Angles of the case in the turns from a start on, growing."""
+def _targets(case: StoredCase, start: float, turns: int) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Angles of the case in the turns from a start on, growing, and the place in the case of each of one turn."""
     theta = case.arrays["theta"]
     slack = _SAME_ANGLE * _TURN / theta.size
-    one = np.sort((theta - start + slack) % _TURN) - slack + start
-    return np.asarray((one + _TURN * np.arange(turns)[:, None]).ravel(), dtype=np.float64)
-
-
-def _places(case: StoredCase, targets: Array) -> npt.NDArray[np.intp]:
-    """Index in the case of each angle of one turn."""
-    theta = case.arrays["theta"]
-    number = np.rint(case.direction * (targets - theta[0]) / _TURN * theta.size).astype(np.intp)
-    return np.asarray(number % theta.size, dtype=np.intp)
+    beyond = (theta - start + slack) % _TURN - slack
+    order = np.argsort(beyond)
+    return (start + beyond[order] + _TURN * np.arange(turns)[:, None]).ravel(), order
 
 
 def _samples_at(angle: Array, targets: Array) -> bool:
@@ -233,14 +227,11 @@ def _check_step(name: str, step: Array, wanted: Array) -> float:
 
 
 def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Array:
-    """Cubic spline through the samples of the whole turns, carried on around their ends."""
-
+    """Cubic spline through the samples of the whole turns, of which the end is the beginning."""
     period = turns * _TURN
     inside = angle < angle[0] + period - 0.5 * float(np.median(np.diff(angle)))
-    x, y = angle[inside], values[inside]
-    x = np.concatenate([x[-_PER_WAVE:] - period, x, x[:_PER_WAVE] + period])
-    y = np.concatenate([y[-_PER_WAVE:], y, y[:_PER_WAVE]])
-    return np.asarray(scipy.interpolate.CubicSpline(x, y)(targets), dtype=np.float64)
+    x, y = np.append(angle[inside], angle[0] + period), np.append(values[inside], values[0])
+    return np.asarray(scipy.interpolate.CubicSpline(x, y, bc_type="periodic")(targets), dtype=np.float64)
 
 
 # --- telling ----------------------------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
 from rverror.dynamics.at_speed import SpeedResponse
@@ -134,22 +133,16 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
     ax : Axes, optional
         The colour bar takes its place from it.
     """
+    if response.speed.size < 2:
+        raise InputError("a map is drawn over the speed; give two input speeds or more")
     ax = axes_for(ax, height=4.2)
     count = response.theta.size
     every = np.arange(1, count // 2 + 1) / response.period
     shown = every <= highest
     waves = 2 * np.fft.rfft(response.transmission_error)[:, 1:][:, shown] / count
-    orders = np.append(every[shown], every[shown][-1] + 1 / response.period) - 0.5 / response.period
-    mesh = (_edges(in_shown_unit(response.speed, "angular_speed")), orders, in_shown_unit(np.abs(waves).T, "angle"))
-    heat_map(ax, [mesh], label=f"amplitude, {shown_unit('angle')}")
+    speed, size = in_shown_unit(response.speed, "angular_speed"), in_shown_unit(np.abs(waves).T, "angle")
+    heat_map(ax, [(speed, every[shown], size)], label=f"amplitude, {shown_unit('angle')}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
-
-
-def _edges(speeds: Array) -> Array:
-    """Where the column of each speed begins and ends: halfway to its neighbours."""
-    middle = (speeds[1:] + speeds[:-1]) / 2
-    ends = (2 * speeds[[0, -1]] - middle[[0, -1]]) if middle.size else speeds[0] + np.array([-0.5, 0.5])
-    return np.concatenate([ends[:1], middle, ends[1:]])
 
 
 def _leading(response: SpeedResponse, most: int) -> npt.NDArray[np.intp]:
