@@ -1,4 +1,4 @@
-"""HTML that needs nothing else: escaped text, tables, a page for light and dark, screen and paper."""
+"""HTML that needs nothing else: escaped text, a page for light and dark, screen and paper."""
 
 from __future__ import annotations
 
@@ -27,34 +27,6 @@ def escaped(text: str) -> str:
     '&lt;b a=&quot;1&quot;&gt;'
     """
     return html.escape(printable(text), quote=True)
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
-    """Table of cells that are HTML already, within a box that scrolls where it is too wide.
-
-    Parameters
-    ----------
-    heads : sequence of str
-        Plain text.
-    rows : sequence of sequence of str
-        HTML.
-    numbers : sequence of int
-        Columns to set flush right.
-
-    Returns
-    -------
-    str
-    """
-
-    def cells(tag: str, row: Sequence[str]) -> str:
-        scope = ' scope="col"' if tag == "th" else ""
-        marks = [' class="n"' if at in numbers else "" for at in range(len(row))]
-        return "".join(f"<{tag}{scope}{mark}>{cell}</{tag}>" for mark, cell in zip(marks, row, strict=True))
-
-    head = cells("th", [escaped(text) for text in heads])
-    body = "\n".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    whole = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
-    return f'<div class="scroll" tabindex="0">{whole}</div>'
 
 
 def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:
