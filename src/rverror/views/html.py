@@ -47,13 +47,14 @@ def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:
     """
     run = "".join(f"<script>{one}</script>\n" for one in scripts)
     allowed = "".join(f" 'sha256-{b64encode(sha256(one.encode()).digest()).decode()}'" for one in scripts)
-    scripted = f"; img-src data:; script-src{allowed}" if scripts else ""
+    scripted = f"; script-src{allowed}" if scripts else ""
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'{scripted}"
     return f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'{scripted}">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
 <title>{escaped(title)}</title>
 <style>
 {shipped("page.css")}</style>
