@@ -25,7 +25,7 @@ _KINDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "Diagnosis": ("waveform", "residual", "spectrum", "passport", "shares"),
         "ErrorBudget": ("contributions", "distribution", "at_load"),
-        "Allocation": ("widths", "front", "at_load"),
+        "Allocation": ("widths", "at_load"),
         "Lot": ("processes", "shares"),
         "Compensation": ("orders", "waveform"),
         "SpeedResponse": ("campbell", "order_map"),
@@ -88,9 +88,7 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
 
 def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Kind and options of each plot that shows a result, one for each of its first runs."""
-    own = pictures_of(result)
-    of_runs = getattr(result, "traces", getattr(result, "conditions", ()))
-    runs = len(of_runs) if isinstance(of_runs, tuple) else 0
+    own, runs = pictures_of(result), len(getattr(result, "traces", ()))
     for kind in _KINDS.get(type(result).__name__, tuple(own)[:1]):
         taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}
