@@ -18,6 +18,7 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
+from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
@@ -30,7 +31,7 @@ from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.describing import described, input_files
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.fields import about, rows
+from rverror.views.fields import about, rows, same_unit
 from rverror.views.variables import NUMBER, TIME, Table
 
 MODEL = "model.toml"
@@ -384,10 +385,7 @@ def _batch_table(result: Batch) -> Table:
     columns = rows(
         "unit",
         result.outcomes,
-        unit=None,
-        state=None,
-        verdict=None,
-        keys=None,
+        **same_unit(None, "unit", "state", "verdict", "keys"),
         heldout_rms_before=("before", NUMBER),
         heldout_rms_after=("after", NUMBER),
         rms_unit=None,
@@ -398,7 +396,7 @@ def _batch_table(result: Batch) -> Table:
     return Table(
         columns,
         about(result, "notes"),
-        title=(result.folder, f"{len(result.outcomes)} units, rverror {__version__}"),
+        title=(result.folder, f"{count_of(len(result.outcomes), 'unit')}, rverror {__version__}"),
         verdict=(counts, "."),
         facts={one.unit: one.error for one in result.of("failed")},
         sentences=(
