@@ -226,7 +226,7 @@ def markdown() -> str:
 #: Pictures of the site: what draws each, and its words.
 PICTURES: dict[str, tuple[str, Callable[[], SpeedResponse | RunUp], dict[str, object], str]] = {
     "campbell": ("campbell", response, {"most": 4}, "Campbell diagram of the RV-40E with its arm"),
-    "amplitudes": ("amplitudes", response, {"most": 4}, "Amplitude of the largest orders over the input speed"),
+    "order-map": ("order_map", response, {"highest": 170.0}, "Amplitude of each order over the input speed"),
     "run-up": ("waveform", running, {}, "Error while the arm is run up in a second"),
 }
 
@@ -306,7 +306,7 @@ rpm, beyond what this unit turns. `rverror.dynamics.speed_response(model, speeds
 | --- | --- | --- | --- | --- | --- | --- |
 {peaks}
 
-<!-- picture: amplitudes -->
+<!-- picture: order-map -->
 
 The whole error, peak-to-peak: {crawl} arcsec at a crawl, {largest} at {at} rpm, {last} at 1815 rpm. The cam, which
 leads at a crawl, is not what leads at speed. At its worst {pulled} % of the force of closed contacts would have to

@@ -148,11 +148,14 @@ ax
 found.plot(kind="shares")
 
 # %% [markdown]
-# The next picture is the check behind the verdict: the spread of the units in each order, as measured and as the
-# processes make it. The encoder makes order 1, cams order 16, pins orders 30 and 60.
+# The check behind the verdict is the spread of the units in each order, as measured and as the processes make it. The
+# encoder makes order 1, cams order 16, pins orders 30 and 60.
 
 # %%
-found.plot(kind="orders")
+for order in (1, 16, 30, 60):
+    (at,) = np.flatnonzero(found.orders == order)
+    measured, made = (spread_by_order[0, at] / ARCSEC for spread_by_order in (found.amplitudes, found.made))
+    print(f"order {order:2}: {measured:.2f} arcsec measured, {made:.2f} made by the processes")
 
 # %% [markdown]
 # ## Against the truth
@@ -206,7 +209,10 @@ for name, widths in cases.items():
 # load, contacts that open included, and puts them beside those that were measured:
 
 # %%
-found.plot(kind="predicted")
+for one in found.predicted:
+    quantile, mean, below = one.quantile.value / ARCSEC, *(size / ARCSEC for size in one.seen)
+    print(f"{one.condition}: 95 % of the units to come stay below {quantile:.1f} arcsec peak-to-peak, their mean is")
+    print(f"{one.mean / ARCSEC:.1f}; of the measured ones 95 % are below {below:.1f}, their mean is {mean:.1f}")
 
 # %%
 place.cleanup()

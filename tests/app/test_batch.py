@@ -284,14 +284,14 @@ def test_overview_leads_to_the_page_of_each_unit(plant: Path) -> None:
     shown = (out / "summary.html").read_text(encoding="utf-8")
     rows = re.findall(r"<tr>(<td.*?)</tr>", shown)
     cells = [[re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row)] for row in rows]
-    assert [row[:2] for row in cells] == [
-        ["c-broken", "failed"],
-        ["a-idler", "explained"],
-        ["b-complete", "nothing missing"],
+    assert [row[:4] for row in cells] == [
+        ["c-broken", "failed", "", ""],
+        ["a-idler", "kept", "explained", "shaft.eccentricity"],
+        ["b-complete", "kept", "nothing missing", ""],
     ]
-    assert "forward.csv" in cells[0][2]
-    assert cells[1][2] == "shaft.eccentricity"
-    before, after = (float(cell.removesuffix(" arcsec")) for cell in cells[1][3:])
+    assert re.search(r'<th scope="row">c-broken</th><td>[^<]*forward.csv', shown)
+    before, after = map(float, cells[1][4:6])
+    assert cells[1][6] == "arcsec"
     missing = (12**2 + 7**2) ** 0.5 / 2**0.5  # as in the summary
     assert before == pytest.approx(missing, rel=0.02)
     assert after < 0.02 * missing
@@ -308,8 +308,12 @@ def test_overview_leads_to_the_page_of_each_unit(plant: Path) -> None:
 
 
 def test_a_page_that_cannot_be_made_is_told(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object, **__: object) -> str:
-        raise ValueError("no page of this")
+    whole = rverror.to_html
+
+    def broken(result: object, **options: Any) -> str:
+        if isinstance(result, rverror.Diagnosis):
+            raise ValueError("no page of this")
+        return whole(result, **options)
 
     monkeypatch.setattr("rverror.views.report.to_html", broken)
     result, _ = done(plant, pages=True)

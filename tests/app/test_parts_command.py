@@ -50,7 +50,6 @@ def test_from_a_file_to_a_unit(folder: Path, capsys: pytest.CaptureFixture[str])
         (0, 0, 5e-4), (0, 1, 1e-3), (1, 0, 1.5e-3), (1, 1, -2e-3),
     ]  # fmt: skip
     assert {e.uncertainty for e in unit.effects} == {3e-4}
-    assert "# as ordered" in Path("unit.toml").read_text()
     curve = rverror.transmission_error(unit)
     assert f"{np.ptp(curve) / rverror.ARCSEC:.4g} arcsec peak-to-peak" in printed.out
     assert parts("parts.csv", "-o", "unit.toml") == 0

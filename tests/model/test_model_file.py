@@ -21,7 +21,7 @@ from rverror.base.quantities import COUNT, quantities
 from rverror.geartrain import ContactLaw, Friction, Inertia, Stiffness, StiffnessUncertainty
 from rverror.geartrain.mechanism import presets
 from rverror.model import Bench, Encoders
-from rverror.model.model_file import append_effects, load_model, save_model
+from rverror.model.model_file import load_model, save_model
 from strategies import reducers, variant
 
 GOOD = """\
@@ -640,65 +640,6 @@ def test_existing_file_stays_unless_overwriting_is_allowed(tmp_path: Path) -> No
     assert file.read_text() == "precious"
     save_model(file, Model(reducer("RV-40E")), overwrite=True)
     assert load_model(file) == Model(reducer("RV-40E"))
-
-
-# --- appending --------------------------------------------------------------------------------------------------------
-
-FOUND = effect("sensor.encoder_eccentricity", cos="4.1 arcsec", sin=-1.3e-5, origin='found by "diagnose"')
-
-
-@pytest.mark.parametrize("newline", ["\n", "\r\n"])
-@pytest.mark.parametrize("end", ["\n", "", "\n\n# the end"])
-def test_appended_effects_keep_the_text(tmp_path: Path, newline: str, end: str) -> None:
-    old, new = tmp_path / "old.toml", tmp_path / "new.toml"
-    text = (GOOD.rstrip("\n") + end).replace("\n", newline)
-    old.write_bytes(text.encode())
-    append_effects(old, new, [FOUND, FOUND])
-    assert new.read_bytes().startswith(text.encode())
-    assert (b"\r\n" in new.read_bytes()) == (newline == "\r\n")
-    assert new.read_bytes().count(b"\n") == new.read_bytes().count(newline.encode())
-    assert load_model(new) == load_model(old).with_effects(FOUND, FOUND)
-    assert old.read_bytes() == text.encode()
-    tables = tomllib.loads(new.read_text())["effect"]
-    assert tables[-1]["cos"] == "4.1 arcsec"
-    assert tables[-1]["origin"] == 'found by "diagnose"'
-
-
-def test_nothing_to_append_copies(tmp_path: Path) -> None:
-    (tmp_path / "old.toml").write_text(GOOD)
-    append_effects(tmp_path / "old.toml", tmp_path / "new.toml", [])
-    assert (tmp_path / "new.toml").read_text() == GOOD
-
-
-def test_same_file_only_with_overwrite(tmp_path: Path) -> None:
-    file = tmp_path / "m.toml"
-    file.write_text(GOOD)
-    with pytest.raises(InputError, match="the file exists"):
-        append_effects(file, file, [FOUND])
-    assert file.read_text() == GOOD
-    append_effects(file, file, [FOUND], overwrite=True)
-    assert load_model(file).effects[-1] == FOUND
-    assert os.listdir(tmp_path) == ["m.toml"]
-
-
-def test_effects_that_cannot_be_appended(tmp_path: Path) -> None:
-    old, new = tmp_path / "old.toml", tmp_path / "new.toml"
-    old.write_text(GOOD)
-    with pytest.raises(InputError, match=r"old\.toml: the effect cannot be added: .*crank = 7"):
-        append_effects(old, new, [effect("crank.index", crank=7, angle="1 arcsec")])
-    old.write_text('effect = []\nreducer = {preset = "RV-40E"}\n')
-    with pytest.raises(InputError, match=r"old\.toml: no \[\[effect\]\] table can be appended"):
-        append_effects(old, new, [FOUND])
-    assert not new.exists()
-
-
-@given(model=models(), pick=st.data())
-def test_append_to_any_model(tmp_path_factory: pytest.TempPathFactory, model: Model, pick: st.DataObject) -> None:
-    folder = tmp_path_factory.mktemp("models")
-    added = pick.draw(st.lists(effects(model.mechanism), max_size=3))
-    save_model(folder / "a.toml", model)
-    append_effects(folder / "a.toml", folder / "b.toml", added)
-    assert load_model(folder / "b.toml") == model.with_effects(*added)
 
 
 # --- the data at hand -------------------------------------------------------------------------------------------------

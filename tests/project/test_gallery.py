@@ -21,7 +21,6 @@ WITHOUT = {
     "budget-envelope",
     "virtualunits-distribution",
     "allocation-at_load",
-    "diagnosis-resonances",
     "diagnosis-passport",
     "diagnosis-shares",
 }

@@ -30,7 +30,6 @@ CALLS: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {
     "Model": ((UNIT, (EFFECT,)), {}),
     "allocate": ((MODEL, CAMS), {"limit": "60 arcsec", "kind": "worst"}),
     "allocate_at_load": ((MODEL, CAMS, [rverror.limit("lost_motion", "1 deg")]), {"sample": 64, "verify": 500}),
-    "append_effects": ((FILE, "other.toml", [EFFECT]), {}),
     "backlash": ((MODEL, THETA), {}),
     "budget": ((STACK,), {}),
     "compensate": ((MODEL, [RUN]), {}),

@@ -15,7 +15,7 @@ from rverror import to_html, to_text
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.next_run import Measurement
 from rverror.views import diagnosis_report
-from rverror.views.blocks import as_text
+from rverror.views.blocks import MOST_ROWS, as_html, as_text, grid
 from rverror.views.describing import sheet_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, Table, Unit, Variable
 
@@ -112,3 +112,10 @@ def test_modes_begin_with_the_lowest_of_the_machine() -> None:
     rest = replace(found, of_sun_support=support)
     lowest = next(f for f, sun in zip(rest.frequency, support, strict=True) if f > 0 and not sun)
     assert f"Lowest mode of the machine: {lowest:.4g} Hz, mode 3;" in to_text(rest)
+
+
+def test_a_table_of_links_is_shown_whole() -> None:
+    count = MOST_ROWS + 6
+    page = as_html(grid(("unit", "state"), [(f"u&{n}", "") for n in range(count)], [f"{n}.html" for n in range(count)]))
+    assert page.count("<a href=") == count
+    assert '<td><a href="29.html">u&amp;29</a></td>' in page

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import multiprocessing
 import os
@@ -12,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, nullcontext
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -20,7 +18,7 @@ from urllib.parse import quote
 from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
-from rverror.base.numbers import brief
+from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
@@ -31,15 +29,14 @@ from rverror.runs.bench.file import RUN_SUFFIXES
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.views.blocks import in_words
-from rverror.views.describing import input_files
+from rverror.views.describing import described, input_files
 from rverror.views.diagnosis_report import diagnosis_json
-from rverror.views.html import document, escaped, table
+from rverror.views.fields import about, rows, same_unit
+from rverror.views.variables import NUMBER, TIME, Table
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"
 OVERVIEW = "summary.html"
-COLUMNS = "unit,state,verdict,keys,heldout_rms_before,heldout_rms_after,rms_unit,seconds,error"
 
 _OWN_SUMMARY, _OWN_PAGE = "unit,state,", "<title>rverror"  # what files of any version hold
 _MOST_WORKERS = 61  # a limit of Windows
@@ -93,10 +90,13 @@ class Batch:
         In the order of the names.
     notes : tuple of str
         Folders with runs that were no units.
+    folder : str
+        Name of the folder.
     """
 
     outcomes: tuple[UnitOutcome, ...]
     notes: tuple[str, ...] = ()
+    folder: str = ""
 
     def of(self, state: str) -> tuple[UnitOutcome, ...]:
         """Outcomes of that state: ``diagnosed``, ``kept`` or ``failed``."""
@@ -205,10 +205,13 @@ def diagnose_folder(
         with processes(count) if executor is None else nullcontext(executor) as pool:
             outcomes |= _work(pool, todo, tell)
 
-    batch = Batch(tuple(outcomes[unit.name] for unit in units), notes)
-    write_text(target / SUMMARY, _summary(batch), overwrite=True)
+    from rverror.views.report import to_csv, to_html  # all kinds of results
+
+    batch = Batch(tuple(outcomes[unit.name] for unit in units), notes, root.resolve().name)
+    write_text(target / SUMMARY, to_csv(batch), overwrite=True)
     if pages:
-        write_text(target / OVERVIEW, overview(batch, root.resolve().name), overwrite=True)
+        urgent = sorted(batch.outcomes, key=lambda each: (_URGENCY.get(each.verdict, 0), each.unit))
+        write_text(target / OVERVIEW, to_html(replace(batch, outcomes=tuple(urgent))), overwrite=True)
     return batch
 
 
@@ -370,56 +373,38 @@ def one_line(outcome: UnitOutcome) -> str:
     return f"{outcome.unit}: {'; '.join(parts)}"
 
 
-def _summary(batch: Batch) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS.split(","))
-    for outcome in batch.outcomes:
-        row = replace(outcome, seconds=None if outcome.seconds is None else round(outcome.seconds, 2))
-        writer.writerow([f"{cell:g}" if isinstance(cell, float) else in_words(cell) for cell in astuple(row)])
-    return text.getvalue()
-
-
 #: What the overview tells after the units that failed.
 _URGENCY = {"unexplained": 1, "explained": 2, "nothing_missing": 3}
 
 
-def overview(batch: Batch, title: str) -> str:
-    """All units on one page: those that failed first, then what stays unexplained, each with the way to its page.
-
-    Parameters
-    ----------
-    batch : Batch
-    title : str
-        Of the batch, as the name of its folder.
-
-    Returns
-    -------
-    str
-        HTML that needs nothing else; its links lead to ``<unit>.html`` beside it.
-    """
-    ordered = sorted(batch.outcomes, key=lambda each: (_URGENCY.get(each.verdict, 0), each.unit))
-    verdicts = [outcome.verdict.replace("_", " ") or outcome.state for outcome in ordered]
-    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in dict.fromkeys(verdicts))
-    rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]
-    heads = ("unit", "verdict", "causes, or what went wrong", "rms before", "rms after")
-    notes = "".join(f'<p class="soft">{escaped(note)}</p>' for note in batch.notes)
-    meaning = "rms: residual of stretches that no fit saw, of the declared model and with the causes that were added"
-    body = (
-        f'<h1>{escaped(title)}</h1>\n<p class="soft">{len(ordered)} units, rverror {escaped(__version__)}</p>\n'
-        f'<p>{escaped(counts)}</p>\n<div class="units">{table(heads, rows, numbers=(3, 4))}</div>\n'
-        f'<p class="soft">{meaning}</p>\n{notes}'
+@described.register
+def _batch_table(result: Batch) -> Table:
+    """What failed, and units in a row, each with the way to its page."""
+    words = [(one.verdict or one.state).replace("_", " ") for one in result.outcomes]
+    counts = ", ".join(f"{words.count(word)} {word}" for word in dict.fromkeys(words))
+    columns = rows(
+        "unit",
+        result.outcomes,
+        **same_unit(None, "unit", "state", "verdict", "keys"),
+        heldout_rms_before=("before", NUMBER),
+        heldout_rms_after=("after", NUMBER),
+        rms_unit=None,
+        seconds=(lambda one: one.seconds and round(one.seconds, 2), TIME),
+        error=None,
     )
-    return document(f"rverror: batch {title}", body)
-
-
-def _row(outcome: UnitOutcome, verdict: str) -> list[str]:
-    name, failed = escaped(outcome.unit), outcome.state == "failed"
-    link = name if failed else f'<a href="{quote(outcome.unit)}.html">{name}</a>'
-    causes = escaped(outcome.error) if failed else "<br>".join(map(escaped, outcome.keys)) or "none"
-    unit = escaped(outcome.rms_unit)
-    sizes = ["" if size is None else f"{brief(size)} {unit}" for size in (outcome.before, outcome.after)]
-    return [f"<b>{link}</b>", f"<b>{escaped(verdict)}</b>" if failed else escaped(verdict), causes, *sizes]
+    shown = ("unit", "state", "verdict", "keys", "heldout_rms_before", "heldout_rms_after", "rms_unit")
+    return Table(
+        columns,
+        about(result, "notes"),
+        title=(result.folder, f"{count_of(len(result.outcomes), 'unit')}, rverror {__version__}"),
+        verdict=(counts, "."),
+        facts={one.unit: one.error for one in result.of("failed")},
+        sentences=(
+            "Held-out rms: residual of stretches that no fit saw, of the declared model and with the causes added.",
+        ),
+        shown={"unit": shown},
+        links=["" if one.state == "failed" else f"{quote(one.unit)}.html" for one in result.outcomes],
+    )
 
 
 def _begin_work() -> None:

@@ -21,8 +21,8 @@ from rverror.app.terminal import (
     read_runs,
     results,
     save,
-    save_model,
     save_results,
+    save_with,
     tell,
 )
 from rverror.base.errors import InputError
@@ -82,7 +82,7 @@ def _compensate(options: argparse.Namespace) -> None:
     options.plot = options.plot if made.worth else None
     save_results(made, options, table=table)
     if table is not None:
-        save_model(options, made.correction.effects(table.torque))
+        save_with(options, made.correction.effects(table.torque))
 
 
 def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[float]) -> WrittenTable | None:

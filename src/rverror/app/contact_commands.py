@@ -23,7 +23,7 @@ from rverror.app.terminal import (
     quantity,
     results,
     save,
-    save_model,
+    save_with,
     tell,
     write_results,
 )
@@ -148,7 +148,7 @@ def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     with named(options.model):
         found = duty_efficiency(model, theta, duty=phases, direction=sense, drives=side, **heat)
     write_results(found, options, lambda: found.phases[0].plot(beside=found.phases[1:]))
-    save_model(options, [found.growth])
+    save_with(options, [found.growth])
 
 
 @command(

@@ -25,8 +25,8 @@ from rverror.app.terminal import (
     read_runs,
     results,
     save,
-    save_model,
     save_results,
+    save_with,
     tell,
     write_output,
 )
@@ -74,9 +74,9 @@ def _diagnose(options: argparse.Namespace) -> None:
     save_results(result, options)
     # what was found, and where the gear's marks are; none for a torque record, whose ripple is no output error
     effects = result.model.effects[len(result.declared.effects) :]
-    save_model(options, effects)
+    save_with(options, effects)
     if options.save and not effects:
-        tell(f"{options.save}: nothing was added; the file is a copy of {options.model}")
+        tell(f"{options.save}: nothing was added; the file holds the model of {options.model}")
     elif options.save and any(effect.uncertainty for effect in result.declared.effects):
         tell(
             f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within their "

@@ -43,7 +43,7 @@ def _modes(options: argparse.Namespace) -> None:
         "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
         "--count": number(f"number of speeds (default {COUNT})", least=2, default=COUNT),
         "--by-effect": flag("with --json: also what each declared error does, by order at each speed"),
-        **results(plot="the amplitudes of the largest orders against the speed"),
+        **results(plot="the Campbell diagram and the amplitude of all orders against the speed"),
     },
 )
 def _speeds(options: argparse.Namespace) -> None:

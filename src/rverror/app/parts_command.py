@@ -10,7 +10,7 @@ from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
 from rverror.model.effects import Model
-from rverror.model.model_file import append_effects, load_model
+from rverror.model.model_file import load_model, save_model
 from rverror.parts.draft import draft_parts_mapping
 from rverror.parts.parts_table import save_parts
 from rverror.parts.reading import load_parts
@@ -65,7 +65,7 @@ def _parts(options: argparse.Namespace) -> None:
             tell(f"{kind}: {', '.join(serials)}" + ("" if kind in places else ", in the order of the files"))
         unit = unit_of_parts(model, read.parts, places, turns=turns)
         say_replaced(target)
-        append_effects(options.model, target, unit.effects[len(model.effects) :], overwrite=True)
+        save_model(target, unit, overwrite=True)
         _tell_error(unit)
     tell(f"wrote {target}, {count_of(len(read.parts), 'part')} read")
 

@@ -69,7 +69,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
         "--bench": option(
             "MODEL.toml", "model file with the [bench.encoders] that measured the run, for its uncertainty", reads=True
         ),
-        **results(tables=False),
+        **results(),
     },
 )
 def _compare(options: argparse.Namespace) -> None:

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from rverror.base import units
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.spreadsheet import openpyxl_for
 from rverror.base.text import check_name, shown, write_bytes, write_text
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.model_file import append_effects
+from rverror.model.model_file import load_model, save_model
 from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
@@ -124,13 +124,13 @@ def save(metavar: str, help: str) -> dict[str, Option]:
     return {"--save": option(metavar, help, writes=True)}
 
 
-def results(*, plot: str | None = None, tables: bool = True) -> dict[str, Option]:
+def results(*, plot: str | None = None) -> dict[str, Option]:
     """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
-    found = {"--json": option("OUT.json", "write the result as JSON", writes=True)}
-    if tables:
-        page = "write one self-contained page with tables and pictures"
-        found["--html --report"] = option("OUT.html", page, writes=True)
-        found["--xlsx"] = option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True)
+    found = {
+        "--json": option("OUT.json", "write the result as JSON", writes=True),
+        "--html --report": option("OUT.html", "write one self-contained page with tables and pictures", writes=True),
+        "--xlsx": option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True),
+    }
     if plot is not None:
         found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
     return found
@@ -286,11 +286,11 @@ def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any
         write_output(plot, to_bytes(draw().figure if draw else figure_of(found, **more), "png"))
 
 
-def save_model(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
+def save_with(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
     """Write the model with more effects, as the option --save asks."""
     if options.save:
         say_replaced(options.save)
-        append_effects(options.model, options.save, [rounded(effect) for effect in effects], overwrite=True)
+        save_model(options.save, load_model(options.model).with_effects(*map(rounded, effects)), overwrite=True)
 
 
 @contextmanager
@@ -383,10 +383,8 @@ def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
     dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
     mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
-    try:
+    with refusing(f"--arm {text!r}: ", f"; write it like '{_ARM}'"):
         return GravityArm(mass=mass, lever=lever, offset=offset)
-    except ValueError as problem:
-        raise InputError(f"--arm {text!r}: {problem}; write it like '{_ARM}'") from problem
 
 
 #: Option for phases of a duty.
@@ -405,10 +403,8 @@ def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     for text in texts:
         dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
         torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
-        try:
+        with refusing(f"--phase {text!r}: ", f"; write it like '{_PHASE}'"):
             phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
-        except ValueError as problem:
-            raise InputError(f"--phase {text!r}: {problem}; write it like '{_PHASE}'") from problem
     return phases
 
 

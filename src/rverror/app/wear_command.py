@@ -18,7 +18,7 @@ from rverror.app.terminal import (
     quantity,
     results,
     save,
-    save_model,
+    save_with,
     sizes,
     write_results,
 )
@@ -82,7 +82,7 @@ def _wear(options: argparse.Namespace) -> None:
             direction=None if options.direction == "both" else options.direction,
         )
     write_results(found, options)
-    save_model(options, found.effects)
+    save_with(options, found.effects)
 
 
 def _duty(options: argparse.Namespace) -> dict[str, Any]:

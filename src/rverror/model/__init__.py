@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from rverror.model.effects import Effect as Effect, Model as Model, effect as effect
     from rverror.model.ends import Bench as Bench, Encoders as Encoders
     from rverror.model.model_file import (
-        append_effects as append_effects,
         load_model as load_model,
         save_model as save_model,
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar, cast
 
 from rverror.base import units
-from rverror.base.errors import InputError, refusing
+from rverror.base.errors import InputError
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
 from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
@@ -111,52 +111,6 @@ def save_model(path: PathLike, model: Model, *, overwrite: bool = False) -> None
     text = "\n\n".join(sections) + "\n"
     _check_equal(str(path), _model(str(path), text), model)
     write_text(path, text, overwrite=overwrite)
-
-
-def append_effects(
-    source_path: PathLike, target_path: PathLike, effects: Sequence[Effect], *, overwrite: bool = False
-) -> None:
-    """Copy a model file, comments and all, and append effects to it.
-
-    Parameters
-    ----------
-    source_path, target_path : str or path-like
-        The same file only with `overwrite`.
-    effects : sequence of Effect
-    overwrite : bool
-        Whether an existing target may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the source is no model file, an effect does not fit it, or the target exists or cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from rverror.model.effects import effect
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     old, new = Path(folder, "unit.toml"), Path(folder, "with-cause.toml")
-    ...     size = old.write_text('[reducer]\\npreset = "RV-40E"  # as ordered\\n')
-    ...     append_effects(old, new, [effect("crank.index", crank=0, angle="2 mrad")])
-    ...     "# as ordered" in new.read_text(), load_model(new).effects[0].key
-    (True, 'crank.index')
-    """
-    text = read_text(source_path)
-    before = _model(str(source_path), text)
-    with refusing(f"{source_path}: the effect cannot be added: "):
-        wanted = before.with_effects(*effects)
-    added = "\n".join(f"\n{_effect_text(item)}" for item in effects) + "\n" if effects else ""
-    newline = "\r\n" if "\r\n" in text else "\n"
-    if added and not text.endswith("\n"):
-        text += newline
-    text += added.replace("\n", newline)
-    remedy = "write its effects as [[effect]] tables too"
-    with refusing(f"{source_path}: no [[effect]] table can be appended; {remedy} (", ")"):
-        after = _model(str(target_path), text)
-    _check_equal(str(target_path), after, wanted)
-    write_text(target_path, text, overwrite=overwrite)
 
 
 def _check_equal(path: str, got: Model, wanted: Model) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import hashlib
 import io
 import json
@@ -372,9 +373,14 @@ def waves_of(values: Array) -> npt.NDArray[np.complex128]:
     return np.asarray(np.conj(np.fft.rfft(values))[1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
 
 
+def phase_of(wave: complex) -> float:
+    """Phase, rad; not a number where the wave is next to nothing."""
+    return cmath.phase(wave) if abs(wave) >= 1e-4 * ARCSEC else math.nan
+
+
 def wave_json(wave: complex) -> dict[str, Any]:
-    """Amplitude and phase; a wave of next to nothing has no phase."""
-    phase = math.degrees(math.atan2(wave.imag, wave.real)) if abs(wave) >= 1e-4 * ARCSEC else None
+    """Amplitude and phase."""
+    phase = math.degrees(phase_of(wave))
     return {"amplitude_arcsec": in_arcsec(abs(wave), DIGITS), "phase_deg": rounded(phase, DIGITS)}
 
 

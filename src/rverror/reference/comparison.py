@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,16 +12,16 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.numbers import in_arcsec, rounded
+from rverror.base.numbers import brief, in_arcsec, rounded
 from rverror.base.units import ARCSEC
 from rverror.model.ends import Encoders
 from rverror.reference.cases import (
     DIGITS,
-    LEAST,
     WORDS,
     Method,
     StoredCase,
     about_mean,
+    phase_of,
     rms_of,
     wave_json,
     waves_of,
@@ -29,17 +29,17 @@ from rverror.reference.cases import (
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
 from rverror.runs.reading import refuse
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet
-from rverror.views.blocks import Sheet, facts, grid, line, notes, section, title
-from rverror.views.describing import content, sheet
+from rverror.views.bench_report import bench_json, of_figures
+from rverror.views.describing import described, entries
+from rverror.views.fields import COUNT, about, arrays, rows, same_unit
+from rverror.views.variables import ANGLE, POSITION, Table
 
 _TURN = 2 * math.pi
 _NO_MATTER = 0.1 * ARCSEC  # waves that a coarse run may miss
 _PER_WAVE = 8  # angles a wave of the largest order; a cubic spline then keeps a thousandth of it
 _SAME_ANGLE = 1e-6  # of a step
-_FAR_BETTER = 1 / 3
-_AS_GOOD = 1.5
-_FITS = 0.01  # rms of a difference, as a share of the case's, that asks for no hint
+_LEAST = 1e-6 * ARCSEC  # of a difference by order that is told to people
+_TOLD = 100  # orders of a table
 
 
 @dataclass(frozen=True)
@@ -74,12 +74,8 @@ class Comparison:
         Angle of the largest difference, rad.
     peak_to_peak, case_rms, case_peak_to_peak : float
         Of the run, and of the case, rad.
-    other_rms : float, optional
-        rms of the difference against the other method; None where the case holds none.
     orders : tuple of OrderDifference
         All below half the number of angles, worst first.
-    hints : tuple of str
-        Mix-ups of convention that would explain far the most of the difference.
     notes : tuple of str
         What was interpolated, averaged or left out.
     bench : BenchUncertainty, optional
@@ -97,9 +93,7 @@ class Comparison:
     peak_to_peak: float
     case_rms: float
     case_peak_to_peak: float
-    other_rms: float | None
     orders: tuple[OrderDifference, ...]
-    hints: tuple[str, ...]
     notes: tuple[str, ...]
     bench: BenchUncertainty | None = None
 
@@ -143,9 +137,6 @@ def compare(
     angle, case_wave, their_wave = case.arrays["theta"][order] % _TURN, wanted[order], found[order]
     difference = their_wave - case_wave
     about = about_mean(difference)
-    other: Method = "closed" if method == "equilibrium" else "equilibrium"
-    other_wave = case.waveform(other)
-    other_rms = None if other_wave is None else rms_of(about_mean(their_wave - other_wave[order]))
     waves = [waves_of(values) for values in (case_wave, their_wave, difference)]
     worst = np.argsort(-np.abs(waves[2]), kind="stable")
     return Comparison(
@@ -160,9 +151,7 @@ def compare(
         peak_to_peak=float(np.ptp(their_wave)),
         case_rms=rms_of(about_mean(case_wave)),
         case_peak_to_peak=float(np.ptp(case_wave)),
-        other_rms=other_rms,
         orders=tuple(OrderDifference(int(i) + 1, *(complex(wave[i]) for wave in waves)) for i in worst),
-        hints=_hints(about_mean(their_wave), about_mean(case_wave), other, other_rms),
         notes=(*run.notes, *notes),
         bench=None if encoders is None else uncertainty_of(encoders, case.ratio),
     )
@@ -190,7 +179,7 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
             "360 deg; give one or more whole turns",
         )
-    targets = _targets(case, angle[0], turns)
+    targets, order = _targets(case, angle[0], turns)
     if not _samples_at(angle, targets):
         resolved = _check_step(name, step, wanted)
         notes.append(
@@ -201,23 +190,17 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
     if turns > 1:
         notes.append(f"{turns} whole turns: their mean is compared")
     mean = np.empty(wanted.size)
-    mean[_places(case, targets[: wanted.size])] = values.reshape(turns, wanted.size).mean(axis=0)
+    mean[order] = values.reshape(turns, wanted.size).mean(axis=0)
     return mean, notes
 
 
-def _targets(case: StoredCase, start: float, turns: int) -> Array:
-    """Angles of the case in the turns from a start on, growing."""
+def _targets(case: StoredCase, start: float, turns: int) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Angles of the case in the turns from a start on, growing, and the place in the case of each of one turn."""
     theta = case.arrays["theta"]
     slack = _SAME_ANGLE * _TURN / theta.size
-    one = np.sort((theta - start + slack) % _TURN) - slack + start
-    return np.asarray((one + _TURN * np.arange(turns)[:, None]).ravel(), dtype=np.float64)
-
-
-def _places(case: StoredCase, targets: Array) -> npt.NDArray[np.intp]:
-    """Index in the case of each angle of one turn."""
-    theta = case.arrays["theta"]
-    number = np.rint(case.direction * (targets - theta[0]) / _TURN * theta.size).astype(np.intp)
-    return np.asarray(number % theta.size, dtype=np.intp)
+    beyond = (theta - start + slack) % _TURN - slack
+    order = np.argsort(beyond)
+    return (start + beyond[order] + _TURN * np.arange(turns)[:, None]).ravel(), order
 
 
 def _samples_at(angle: Array, targets: Array) -> bool:
@@ -244,119 +227,72 @@ def _check_step(name: str, step: Array, wanted: Array) -> float:
 
 
 def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Array:
-    """Cubic spline through the samples of the whole turns, carried on around their ends."""
-
+    """Cubic spline through the samples of the whole turns, of which the end is the beginning."""
     period = turns * _TURN
     inside = angle < angle[0] + period - 0.5 * float(np.median(np.diff(angle)))
-    x, y = angle[inside], values[inside]
-    x = np.concatenate([x[-_PER_WAVE:] - period, x, x[:_PER_WAVE] + period])
-    y = np.concatenate([y[-_PER_WAVE:], y, y[:_PER_WAVE]])
-    return np.asarray(scipy.interpolate.CubicSpline(x, y)(targets), dtype=np.float64)
-
-
-# --- hints ------------------------------------------------------------------------------------------------------------
-
-
-def _hints(theirs: Array, case: Array, other: Method, other_rms: float | None) -> tuple[str, ...]:
-    """Mix-ups that bring the run far nearer to the case; those that do so equally well, simple ones first."""
-    plain, scale = rms_of(theirs - case), rms_of(case)
-    if scale < LEAST or plain <= _FITS * scale:
-        return ()
-    mirrored = np.roll(theirs[::-1], 1)  # angles from 0 on: theta -> -theta keeps the first in place
-    tried = [
-        (f"the case's {WORDS[other]} fits", other_rms, f"your tool shares its assumptions; see --method {other}"),
-        ("the run with its sign turned fits", rms_of(-theirs - case), _SIGN),
-        ("the run with its angles mirrored, theta for -theta, fits", rms_of(mirrored - case), _MIRROR),
-        ("the run with sign and angles turned fits", rms_of(-mirrored - case), _BOTH),
-    ]
-    found = [(what, rms, remedy) for what, rms, remedy in tried if rms is not None]
-    best = min(rms for _, rms, _ in found)
-    if best > _FAR_BETTER * plain:
-        return ()
-    return tuple(
-        f"{what} (rms {rms / ARCSEC:.3g} arcsec instead of {plain / ARCSEC:.3g}): {remedy}"
-        for what, rms, remedy in found
-        if rms <= max(_AS_GOOD * best, _FITS * scale)
-    )
-
-
-_SIGN = "the error is the output angle less input angle / R, positive where the output leads"
-_MIRROR = "theta grows counter-clockwise, in forward motion; check the sense of rotation of your angles"
-_BOTH = "angles and error count counter-clockwise; your tool may look from the other side or count clockwise"
+    x, y = np.append(angle[inside], angle[0] + period), np.append(values[inside], values[0])
+    return np.asarray(scipy.interpolate.CubicSpline(x, y, bc_type="periodic")(targets), dtype=np.float64)
 
 
 # --- telling ----------------------------------------------------------------------------------------------------------
 
+#: Sizes of a comparison: key in JSON, name for people, what of the bench's uncertainty is of it.
+_SIZES: Mapping[str, tuple[str, str, Figure | None]] = {
+    "peak_to_peak": ("peak_to_peak_arcsec", "peak-to-peak, theirs", "peak_to_peak"),
+    "case_peak_to_peak": ("case_peak_to_peak_arcsec", "peak-to-peak, case", None),
+    "offset": ("offset_difference_arcsec", "offset, theirs less case", None),
+    "rms": ("rms_difference_arcsec", "rms of the difference, without the offset", "rms"),
+    "case_rms": ("case_rms_arcsec", "rms of the case", None),
+    "largest": ("largest_difference_arcsec", "largest difference", None),
+}
+_WAVES = ("theirs", "case", "difference")
 
-@sheet.register
-def _comparison_sheet(found: Comparison, *, most: int = 12) -> Sheet:
-    def measured(value: float, figure: Figure) -> str:
-        bench = "" if found.bench is None else f" ± {found.bench.of(figure) / ARCSEC:.3f} ({BESIDE})"
-        return f"{_arcsec(value)}{bench}"
 
-    largest = [one for one in found.orders[:most] if abs(one.difference) >= 1e-6 * ARCSEC]
-    waves = ("theirs", "case", "difference")
-    heads = ("order", *(head for name in waves for head in (name, "phase")))
-    rows = [(one.order, *(cell for name in waves for cell in _polar(getattr(one, name)))) for one in largest]
-    other = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
-    of_other = "" if found.other_rms is None else measured(found.other_rms, "rms")
-    orders = "By order, worst first, arcsec and deg; a wave is amplitude * cos(order * theta - phase)"
-    return (
-        *title(
-            "Comparison", found.run, f"case {found.case}, {WORDS[found.method]}", f"rverror {found.version}; arcsec"
-        ),
-        *notes(found.notes),
-        *facts(
-            {
-                "peak-to-peak, theirs": measured(found.peak_to_peak, "peak_to_peak"),
-                "peak-to-peak, case": _arcsec(found.case_peak_to_peak),
-                "offset, theirs less case": _arcsec(found.offset),
-                "rms of the difference, without the offset": measured(found.rms, "rms"),
-                "rms of the case": _arcsec(found.case_rms),
-                "largest difference": f"{_arcsec(found.largest)} at {math.degrees(found.largest_at):.4g} deg",
-                f"rms against the {other}": of_other,
-            }
-        ),
-        *(section(orders, *grid(heads, rows)) if rows else line("No order differs by 1e-6 arcsec or more.")),
-        *section("Mix-ups that would explain the difference", *notes(found.hints)),
-        *section("What the bench leaves uncertain", *bench_sheet(found.bench)),
+@described.register
+def _comparison_table(result: Comparison) -> Table:
+    bench = result.bench
+    sizes = [
+        (words, getattr(result, name), bench.of(figure) if bench and figure else math.nan)
+        for name, (_, words, figure) in _SIZES.items()
+    ]
+    worst = [_polar(one) for one in result.orders[:_TOLD] if abs(one.difference) >= _LEAST]
+    waves = {**same_unit(ANGLE, *_WAVES), **same_unit(POSITION, *(f"{name}_phase" for name in _WAVES))}
+    rms, own = (brief(value / ARCSEC) for value in (result.rms, result.case_rms))
+    by_order = (
+        "A wave is amplitude * cos(order * theta - phase)." if worst else "No order differs by 1e-6 arcsec or more."
+    )
+    return Table(
+        {
+            **rows("figure", sizes, figure="0", size=("1", ANGLE), bench_uncertainty=("2", ANGLE)),
+            **arrays("", result, largest_difference_at=("largest_at", POSITION)),
+            **rows("order", worst, order=COUNT, **waves),
+        },
+        about(result, "run", "case", "notes"),
+        title=(result.run, f"case {result.case}", WORDS[result.method], f"rverror {result.version}"),
+        verdict=(f"rms of the difference {rms} arcsec", f" without the offset; the case's own rms is {own} arcsec."),
+        sentences=(by_order, *((of_figures(bench),) if bench else ())),
+        shown={"order": ("order", *(column for name in _WAVES for column in (name, f"{name}_phase")))},
     )
 
 
-def _arcsec(value: float) -> str:
-    return f"{value / ARCSEC:.4g}"
+def _polar(one: OrderDifference) -> dict[str, float]:
+    """Order with amplitude and phase of each of its waves."""
+    waves = {name: getattr(one, name) for name in _WAVES}
+    phases = {f"{name}_phase": round(phase_of(wave), 6) for name, wave in waves.items()}
+    return {"order": one.order, **{name: abs(wave) for name, wave in waves.items()}, **phases}
 
 
-def _polar(wave: complex) -> tuple[float, float | None]:
-    """Amplitude, arcsec, and phase, deg."""
-    polar = wave_json(wave)
-    return polar["amplitude_arcsec"], None if polar["phase_deg"] is None else round(polar["phase_deg"], 2)
-
-
-@content.register
-def _comparison_json(found: Comparison, *, most: int = 100) -> dict[str, Any]:
-    sizes = {
-        "peak_to_peak": found.peak_to_peak,
-        "case_peak_to_peak": found.case_peak_to_peak,
-        "case_rms": found.case_rms,
-        "offset_difference": found.offset,
-        "rms_difference": found.rms,
-        "largest_difference": found.largest,
-        "rms_against_other_method": found.other_rms,
-    }
-    waves = ("theirs", "case", "difference")
+@entries.register
+def _comparison_content(found: Comparison) -> dict[str, Any]:
     return {
-        "run": os.fspath(found.run),
-        "case": found.case,
         "case_version": found.version,
         "method": WORDS[found.method],
-        **{f"{name}_arcsec": in_arcsec(size, DIGITS) for name, size in sizes.items()},
+        **{key: in_arcsec(getattr(found, name), DIGITS) for name, (key, *_) in _SIZES.items()},
         "largest_difference_at_deg": rounded(math.degrees(found.largest_at), DIGITS),
         "orders": [
-            {"order": one.order, **{name: wave_json(getattr(one, name)) for name in waves}}
-            for one in found.orders[:most]
+            {"order": one.order, **{name: wave_json(getattr(one, name)) for name in _WAVES}}
+            for one in found.orders[:_TOLD]
         ],
         "bench_uncertainty": bench_json(found.bench),
-        "hints": list(found.hints),
         "notes": list(found.notes),
     }

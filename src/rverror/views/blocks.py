@@ -13,7 +13,7 @@ from typing import Any
 
 from rverror.base.numbers import brief, count_of
 from rverror.base.text import joined
-from rverror.views.html import escaped, table
+from rverror.views.html import escaped
 
 #: Rows that a table shows before it says how many more there are.
 MOST_ROWS = 24
@@ -49,14 +49,20 @@ class Sentence:
 
 @dataclass(frozen=True)
 class Listing:
-    """Table of texts and numbers."""
+    """Table of texts and numbers; `links` are where the first cell of each row leads, empty for nowhere."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
+    links: tuple[str, ...] = ()
+
+    @property
+    def most(self) -> int:
+        """Rows that are shown: all of an index."""
+        return len(self.rows) if self.links else MOST_ROWS
 
     def cells(self) -> list[list[str]]:
         """Rows as texts, as many as are shown."""
-        return [[_cell(value) for value in row] for row in self.rows[:MOST_ROWS]]
+        return [[_cell(value) for value in row] for row in self.rows[: self.most]]
 
     def flush(self) -> list[int]:
         """Columns of numbers alone, which are set flush right."""
@@ -86,7 +92,7 @@ class Listing:
 
     def more(self) -> str:
         """How many rows are not shown."""
-        left = len(self.rows) - MOST_ROWS
+        left = len(self.rows) - self.most
         return f"and {left} more" if left > 0 else ""
 
 
@@ -132,10 +138,10 @@ def section(heading: str, *blocks: Block) -> Sheet:
     return (Heading(heading), *blocks) if blocks else ()
 
 
-def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> Sheet:
+def grid(heads: Sequence[str], rows: Iterable[Sequence[Any]], links: Sequence[str] = ()) -> Sheet:
     """Table, nothing where it has no row."""
     listed = tuple(tuple(row) for row in rows)
-    return (Listing(tuple(heads), listed),) if listed else ()
+    return (Listing(tuple(heads), listed, tuple(links)),) if listed else ()
 
 
 def facts(given: Mapping[str, str]) -> Sheet:
@@ -218,12 +224,9 @@ def _html_of(block: Block) -> str:
         case Sentence():
             return f'<p class="verdict"><strong>{escaped(block.strong)}</strong>{escaped(block.text)}</p>'
         case Listing():
-            parts = []
-            for part in block.parts():
-                rows = [[escaped(row[at]) for at in part] for row in block.cells()]
-                flush = [place for place, at in enumerate(part) if at in block.flush()]
-                parts.append(table([block.heads[at] for at in part], rows, numbers=flush))
-            return "\n".join(parts) + (_soft(block.more()) if block.more() else "")
+            return "\n".join(_table(block, part) for part in block.parts()) + (
+                _soft(block.more()) if block.more() else ""
+            )
         case Facts():
             rows_of = (
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
@@ -233,6 +236,18 @@ def _html_of(block: Block) -> str:
             listed = "".join(map(_soft, block.notes))
             heading = count_of(len(block.notes), "note")
             return f'<details class="soft"><summary>{heading}</summary>{listed}</details>'
+
+
+def _table(listing: Listing, part: Sequence[int]) -> str:
+    """Some columns as a table within a box that scrolls where it is too wide."""
+    rows = [[escaped(cell) for cell in row] for row in listing.cells()]
+    for row, target in zip(rows, listing.links, strict=False):
+        row[0] = f'<a href="{escaped(target)}">{row[0]}</a>' if target else row[0]
+    look = [' class="n"' if at in listing.flush() else "" for at in range(len(listing.heads))]
+    head = "".join(f'<th scope="col"{look[at]}>{escaped(listing.heads[at])}</th>' for at in part)
+    body = "\n".join("<tr>" + "".join(f"<td{look[at]}>{row[at]}</td>" for at in part) + "</tr>" for row in rows)
+    whole = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
+    return f'<div class="scroll" tabindex="0">{whole}</div>'
 
 
 def _soft(text: str) -> str:

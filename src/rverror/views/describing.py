@@ -28,7 +28,7 @@ _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its
 _SOME = 20
 _SHARE_DIGITS = 2  # decimals of a share in percent
 _ROUNDING = 1e-12  # of the largest of a column, below which a number is the rounding of zero
-_WORDS = ("held_by", "moves", "part")  # columns of words that the model file joins by underscores
+_WORDS = ("held_by", "moves", "part", "verdict")  # columns of words that the model file joins by underscores
 
 
 def table(result: Any) -> Table:
@@ -150,7 +150,8 @@ def listed(result_table: Table, dim: str) -> Sheet:
     if dim in _COURSES and count > _SOME:
         places = sorted({round(at * (count - 1) / (_SOME - 1)) for at in range(_SOME)})
     heads = [", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen]
-    return grid(heads, [[columns[name][at] for name in chosen] for at in places])
+    links = result_table.links if dim == result_table.rows else ()
+    return grid(heads, [[columns[name][at] for name in chosen] for at in places], links)
 
 
 def _readable(name: str, values: Any, unit: str) -> Any:

@@ -1,4 +1,4 @@
-"""HTML that needs nothing else: escaped text, tables, a page for light and dark, screen and paper."""
+"""HTML that needs nothing else: escaped text, a page for light and dark, screen and paper."""
 
 from __future__ import annotations
 
@@ -29,34 +29,6 @@ def escaped(text: str) -> str:
     return html.escape(printable(text), quote=True)
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numbers: Sequence[int] = ()) -> str:
-    """Table of cells that are HTML already, within a box that scrolls where it is too wide.
-
-    Parameters
-    ----------
-    heads : sequence of str
-        Plain text.
-    rows : sequence of sequence of str
-        HTML.
-    numbers : sequence of int
-        Columns to set flush right.
-
-    Returns
-    -------
-    str
-    """
-
-    def cells(tag: str, row: Sequence[str]) -> str:
-        scope = ' scope="col"' if tag == "th" else ""
-        marks = [' class="n"' if at in numbers else "" for at in range(len(row))]
-        return "".join(f"<{tag}{scope}{mark}>{cell}</{tag}>" for mark, cell in zip(marks, row, strict=True))
-
-    head = cells("th", [escaped(text) for text in heads])
-    body = "\n".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
-    whole = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
-    return f'<div class="scroll" tabindex="0">{whole}</div>'
-
-
 def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:
     """Page that needs nothing else and may reach nothing: only the scripts given run, told by their hashes.
 
@@ -75,13 +47,14 @@ def document(title: str, body: str, scripts: Sequence[str] = ()) -> str:
     """
     run = "".join(f"<script>{one}</script>\n" for one in scripts)
     allowed = "".join(f" 'sha256-{b64encode(sha256(one.encode()).digest()).decode()}'" for one in scripts)
-    scripted = f"; img-src data:; script-src{allowed}" if scripts else ""
+    scripted = f"; script-src{allowed}" if scripts else ""
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'{scripted}"
     return f"""<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'{scripted}">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
 <title>{escaped(title)}</title>
 <style>
 {shipped("page.css")}</style>

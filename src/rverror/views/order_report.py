@@ -11,7 +11,7 @@ import numpy as np
 from rverror.base.numbers import brief, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.order_passport import OrderPassport
-from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
+from rverror.diagnosis.orders.resonances import Resonance
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import of_orders, order_json
@@ -110,9 +110,6 @@ def _law_json(law: DirectionLaw) -> dict[str, Any]:
     }
 
 
-_CURVE = 301  # points of a law
-
-
 def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
     """Natural frequencies as plain data for `json.dump`: Hz, with 95 % intervals; None where a bound is not told.
 
@@ -153,9 +150,3 @@ def alone(found: Sequence[Resonance]) -> str:
     """What is to be doubted of a frequency that one order alone shows."""
     orders = ", ".join(f"{one.orders[0]:g}" for one in found if len(one.orders) == 1)
     return f"Order {orders} alone shows it: what happens at that speed would look the same." if orders else ""
-
-
-def law_of(one: Resonance, series: ResonantSeries) -> tuple[Any, Any]:
-    """Frequencies of an order, Hz, and the size of its law there, rad, for pictures."""
-    frequency = np.linspace(float(series.frequency[0]), float(series.frequency[-1]), _CURVE)
-    return frequency, np.abs(series.static + one.part(series, frequency))

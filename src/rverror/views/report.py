@@ -41,7 +41,7 @@ def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
         What it was made from: see `input_files`.
     **options
         An ErrorBudget takes the `limit`, rad or with a unit, at which its yield is given, a Compensation the `table`
-        that was written of it, a Comparison how many orders are listed, `most`.
+        that was written of it.
 
     Returns
     -------

@@ -140,6 +140,8 @@ class Table:
         Columns that people read of a dimension; all where it is not named.
     rows : str
         Dimension of the rows of its DataFrame; that of the first column where left out.
+    links : sequence of str
+        Pages to which the rows along `rows` lead, relative to their own; empty for none.
     kind : str
         Name of the result's class, which `describing.table` adds, or of what stands in a row.
     """
@@ -152,6 +154,7 @@ class Table:
     sentences: tuple[str, ...] = ()
     shown: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rows: str = ""
+    links: Sequence[str] = ()
     kind: str = ""
 
     @property

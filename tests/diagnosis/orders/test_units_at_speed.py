@@ -154,6 +154,3 @@ def test_what_is_told_of_natural_frequencies(corrected: Diagnosis) -> None:
     for words in ("Natural frequencies that orders show over the speed", "78, 156", "near a critical speed"):
         assert words in text
         assert words in page
-    assert corrected.plot(kind="resonances").get_xlabel() == "frequency of the order, Hz"
-    with pytest.raises(rverror.InputError, match="no order shows a natural frequency"):
-        replace(corrected, resonances=()).plot(kind="resonances")

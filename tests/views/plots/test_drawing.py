@@ -402,8 +402,12 @@ def things(found: Diagnosis) -> dict[str, Any]:
         "run": RUN,
         "torque run": TORQUES,
         "order table": ORDERS,
-        "bare order table": orders_from_arrays(
-            direction=[1, -1, -1], order=[39, 39, 1], cos=[1e-5, 1e-6, 3e-6], sin=[0, 0, 1e-5]
+        "order table over speeds": orders_from_arrays(
+            direction=[1, 1, -1, -1],
+            order=[39] * 4,
+            cos=[1e-5, 1e-6, 3e-6, 2e-6],
+            sin=[0] * 4,
+            input_speed=[10, 20, 10, 20],
         ),
         "compensation": compensation(),
         "diagnosis": found,
@@ -428,17 +432,15 @@ def plots(things: dict[str, Any], name: str) -> list[tuple[str, dict[str, Any]]]
     kinds = [kind for kind in PICTURES[type(thing).__name__] if (kind == "front") == (name == "front")]
     if name == "drive":  # no contacts
         kinds.remove("mechanism")
-    if name == "bare order table":  # no torque, over which a passport is drawn
-        kinds.remove("passport")
     if isinstance(thing, Diagnosis):
-        kinds = [kind for kind in kinds if kind not in ("resonances", "passport", "shares")]  # of other measurements
+        kinds = [kind for kind in kinds if kind not in ("passport", "shares")]  # of other measurements
     return [(kind, NEEDED.get((type(thing), kind), {})) for kind in kinds]
 
 
 NAMES = (
     "model", "bare model", "drive", "reducer", "influence", "equilibrium", "torsion", "hysteresis",
     "efficiency", "contact pressure", "wear", "modes", "speeds", "run-up",
-    "run", "torque run", "order table", "bare order table", "compensation", "diagnosis",
+    "run", "torque run", "order table", "order table over speeds", "compensation", "diagnosis",
     "nothing added", "torque ripple", "budget", "error budget", "virtual units", "allocation", "lot",
     "trend", "runs compared", "matched", "lot of drives",
 )  # fmt: skip

@@ -40,28 +40,9 @@ def test_shares_are_of_all_processes_that_show() -> None:
     assert legend(ax) == ["significantly above zero", "not significant"]
 
 
-def test_orders_are_those_of_a_condition() -> None:
-    ax = lot().plot(kind="orders", run=1)
-    assert [bar.get_height() for bar in ax.patches] == pytest.approx([3.5, 1.5, 2.5, 3.0, 1.25, 2.0])
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["1", "39", "40"]
-    assert "reverse at 20 N*m" in ax.get_title()
-
-
-def test_units_to_come_stand_beside_those_measured() -> None:
-    ax = lot().plot(kind="predicted")
-    np.testing.assert_allclose(line(ax, "units to come, 95 % stay below; with 95 % interval")[0], [54, 50])
-    np.testing.assert_allclose(line(ax, "measured, mean")[0], [33, 31])
-
-
 def test_what_cannot_be_drawn_is_refused() -> None:
     whole = lot()
     silent = replace(whole, processes=whole.processes[-1:])
-    for wrong, words, options in (
-        (silent, "no process shows", {}),
-        (silent, "no process shows", {"kind": "shares"}),
-        (whole, "run = 2: must be 0 to 1", {"kind": "orders", "run": 2}),
-        (replace(whole, orders=np.empty(0)), "no orders to draw", {"kind": "orders"}),
-        (replace(whole, predicted=()), "predicts nothing", {"kind": "predicted"}),
-    ):
-        with pytest.raises(InputError, match=words):
-            wrong.plot(**options)
+    for kind in ("processes", "shares"):
+        with pytest.raises(InputError, match="no process shows"):
+            silent.plot(kind=kind)

@@ -71,13 +71,14 @@ def test_a_name_cannot_end_the_data() -> None:
     assert HOSTILE not in element
 
 
-@pytest.mark.parametrize("what", ["logarithm", "names", "legend", "equal", "band"])
+@pytest.mark.parametrize("what", ["logarithm", "names", "legend", "titled legend", "equal", "band"])
 def test_what_would_be_drawn_otherwise_stays_still(what: str) -> None:
     figure = curve()
     (ax,) = figure.axes
     change = {
         "logarithm": lambda: ax.set_xscale("symlog"),
         "names": lambda: ax.set_xticks(X, ["a", "b", "c"]),
+        "titled legend": lambda: ax.legend(title="lines: laws"),
         "legend": lambda: figure.legend(),
         "equal": lambda: ax.set_aspect("equal"),
         "band": lambda: ax.axvspan(0.5, 1.0),
@@ -87,7 +88,7 @@ def test_what_would_be_drawn_otherwise_stays_still(what: str) -> None:
 
 
 def test_a_page_runs_its_own_scripts_alone_and_none_where_nothing_zooms() -> None:
-    page = to_html(every_kind()["SpeedResponse"][0])
+    page = to_html(every_kind()["RunUp"][0])
     assert page.count("<script>") == len(scripts()) == 3
     assert "<script" not in without_scripts(page)
     assert "script" not in to_html(every_kind()["Budget"][0])

@@ -1,4 +1,4 @@
-"""Plots of a diagnosis and of a compensation: waveforms before and after, orders, candidates, natural frequencies.
+"""Plots of a diagnosis and of a compensation: waveforms before and after, orders, candidates.
 
 Options that are not described here mean what `drawing.draw` says of them.
 """
@@ -16,13 +16,12 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief, with_unit
+from rverror.base.numbers import brief
 from rverror.base.text import describe, file_name
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.model.effects import Model
 from rverror.views.by_order import turns_of
-from rverror.views.order_report import law_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
     ORDER,
@@ -46,8 +45,6 @@ _BAND = 0.75  # of its colour, that the model's band has under what was measured
 _HIGHEST = 260.0
 _NEIGHBOURS = 25  # lines whose median tells what noise leaves
 _MEDIAN = math.sqrt(math.log(2))  # of their rms: amplitudes of noise are Rayleigh's
-_MARKS = "os^DvP"  # tell orders apart in grey
-_FRAMED = 3.0  # times the lowest and highest frequency found, that are shown
 _RANKED = 10  # candidates for which there is room
 _DECADES = 30.0  # times the smallest difference of scores, beyond which their axis is logarithmic
 _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
@@ -231,60 +228,6 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     title = ["residual spectrum", *stated(diagnosis.declared), *_trace_title(trace)]
     last = highest or min(_last_found(diagnosis), float(after.order[-1]))
     return draw_lines(rows, name, title=title, unit=shown_unit(diagnosis.quantity), highest=last, ax=ax)
-
-
-def resonance_plot(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Amplitude over its frequency of each order that shows a natural frequency, at its largest load, with the law.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-    ax : Axes, optional
-        Where to draw; a new figure where left out.
-
-    Returns
-    -------
-    Axes
-        Natural frequencies as grey bands from end to end of their intervals.
-
-    Raises
-    ------
-    InputError
-        If no natural frequency was found.
-    """
-    found = diagnosis.resonances
-    if not found:
-        raise InputError(
-            "no order shows a natural frequency; give order tables, or runs with time, at six speeds or more"
-        )
-    ax = axes_for(ax, height=4.2)
-    shown = [(one, order) for one in found for order in one.orders]
-    for one in found:
-        low, high = np.nan_to_num([one.low, one.high], nan=one.frequency)
-        ax.axvspan(low, high, color=style.GREY, alpha=0.25, lw=0)
-        ax.axvline(one.frequency, color=style.GREY, lw=1.2)
-    for number, (one, order) in enumerate(shown):
-        series = max((s for s in one.series if s.order == order), key=lambda s: (s.torque or 0.0, s.direction))
-        frequency, size = law_of(one, series)
-        look = style.line_style(number)
-        ax.plot(frequency, in_shown_unit(size, "angle"), lw=1.2, **look)
-        load = "" if series.torque is None else f", {with_unit(series.torque, 'torque')}"
-        mark = {"marker": _MARKS[number % len(_MARKS)], "color": look["color"], "ms": 5, "ls": "none"}
-        measured = in_shown_unit(np.abs(series.waves), "angle")
-        ax.plot(series.frequency, measured, label=f"order {brief(order, 6)}{load}", **mark)
-    ends = [end for one in found for series in one.series for end in (series.frequency[0], series.frequency[-1])]
-    low, high = (end(one.frequency for one in found) for end in (min, max))
-    return labelled(
-        ax,
-        "orders over the speed",
-        *stated(diagnosis.declared),
-        x="frequency of the order, Hz",
-        y="amplitude, arcsec",
-        xlim=(max(low / _FRAMED, min(ends)), min(high * _FRAMED, max(ends))),
-        yscale="log",
-        legend="beside",
-        legend_title="lines: laws of one mode;\ngrey: its frequency and interval",
-    )
 
 
 def _last_found(diagnosis: Diagnosis) -> float:

@@ -42,22 +42,17 @@ PICTURES: Mapping[str, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         "Hysteresis": {"loop": under_load.loop},
         "Efficiency": {"losses": under_load.losses},
         "ContactPressure": {"pressure": under_load.pressures},
-        "Wear": {"hours": under_load.over_hours, "lobe": under_load.worn_lobe},
+        "Wear": {"hours": under_load.over_hours},
         "Modes": {"shape": mechanism_view.mode_shape},
-        "SpeedResponse": {
-            "amplitudes": speeds.speed_amplitudes,
-            "campbell": speeds.campbell,
-            "order_map": speeds.speed_map,
-        },
+        "SpeedResponse": {"campbell": speeds.campbell, "order_map": speeds.speed_map},
         "RunUp": {"waveform": speeds.run_up_waveform},
         "Run": {"waveform": waveforms.run_waveform, "spectrum": spectra.run_spectrum},
-        "OrderTable": {"amplitudes": order_tables.table_amplitudes, "passport": order_tables.strongest_orders},
+        "OrderTable": {"passport": order_tables.strongest_orders},
         "Diagnosis": {
             "waveform": diagnosed.diagnosis_waveform,
             "spectrum": diagnosed.order_spectrum,
             "residual": diagnosed.residual,
             "candidates": diagnosed.candidates,
-            "resonances": diagnosed.resonance_plot,
             "passport": order_tables.strongest_orders,
             "shares": order_tables.order_shares,
         },
@@ -71,12 +66,7 @@ PICTURES: Mapping[str, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
         },
         "VirtualUnits": {"distribution": budgets.distribution},
         "Allocation": {"widths": budgets.widths, "front": budgets.cost_against_limit, "at_load": budgets.at_load},
-        "Lot": {
-            "processes": many_units.lot_processes,
-            "shares": many_units.lot_shares,
-            "orders": many_units.lot_orders,
-            "predicted": many_units.lot_predicted,
-        },
+        "Lot": {"processes": many_units.lot_processes, "shares": many_units.lot_shares},
         "DriveLot": {"orders": many_units.drive_lot_orders},
         "Trend": {"courses": many_units.trend_courses},
         "RunsCompared": {"orders": many_units.compared_orders},
@@ -110,7 +100,7 @@ def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **optio
         - `time`, `torque`: as `transmission_error` takes them.
         - `ratio`: Reducer, Drive, Model or input turns per output turn; needed of a run that holds input angles.
         - `highest`: highest order to show.
-        - `run`: which run of a diagnosis, or condition of a lot, counted from 0.
+        - `run`: which run of a diagnosis, counted from 0.
         - `limit`: of the peak-to-peak, rad or with a unit, such as ``"60 arcsec"``.
 
     Returns

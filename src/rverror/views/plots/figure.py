@@ -335,7 +335,10 @@ def _legend(ax: Axes, room: int, **options: Any) -> None:
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:
-    """Sizes in colours over three decades, with their bar: edges across and up, and sizes, of one or more meshes."""
+    """Sizes in colours over three decades, with their bar: across, up and sizes of one or more meshes.
+
+    Across and up are the places of the sizes, or the edges of their cells, one more.
+    """
     if not meshes:
         return
     from matplotlib.colors import LogNorm

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import describe
@@ -21,7 +20,6 @@ from rverror.views.lot_report import process_name
 from rverror.views.plots import style
 from rverror.views.plots.figure import ORDER, Axes, axes_for, axes_of_rows, in_shown_unit, labelled, plain, shown_unit
 
-_MEASURED, _MADE = style.ORANGE, style.BLUE
 _MOST = 12  # orders that are compared
 _MARKS = "x+sd^v"  # of conditions
 
@@ -45,7 +43,7 @@ def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
         ax.plot(value[some], at[some], "o", color=style.BLUE, mfc=face, ms=6, label=label)
     if np.isfinite(allowed).any():
         label = "allowed by the tolerance, Cp = 1"
-        ax.plot(allowed, at, "|", color=_MEASURED, ms=14, mew=2.5, label=label)
+        ax.plot(allowed, at, "|", color=style.ORANGE, ms=14, mew=2.5, label=label)
     x = f"standard deviation, {' or '.join(units)}"
     return labelled(ax, "What each process makes, with 95 % interval", *_of(found), x=x, xlim=(0, None))
 
@@ -77,24 +75,6 @@ def _by_evidence(rows: Sequence[MadeBy]) -> Iterator[tuple[npt.NDArray[np.bool_]
             yield some, face, label
 
 
-def lot_orders(found: Lot, *, run: int = 0, ax: Axes | None = None) -> Axes:
-    """Spread of the units about their mean by order, as measured and as the processes make it.
-
-    Parameters
-    ----------
-    found : Lot
-    run : int
-        Condition, counted from 0.
-    """
-    if not found.orders.size:
-        raise InputError("the lot holds no orders to draw")
-    if not 0 <= run < len(found.conditions):
-        raise InputError(f"run = {run}: must be 0 to {len(found.conditions) - 1}")
-    bars = {"measured": found.amplitudes[run], "made by the processes, noise included": found.made[run]}
-    y = f"rms over the units, {shown_unit('angle')}"
-    return _bars(ax, found.orders, bars, "Spread of the units", *_of(found), found.conditions[run], y=y)
-
-
 def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     """Amplitudes before and after of the orders that differ most, in the direction in which they do.
 
@@ -103,19 +83,14 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     found : RunsCompared
     """
     rows = list({one.order: one for one in reversed(found.orders)}.values())[::-1][:_MOST]
-    bars = {name: np.array([getattr(one, name) for one in rows]) for name in ("before", "after")}
-    return _bars(ax, [one.order for one in rows], bars, "orders that differ", y="amplitude, arcsec")
-
-
-def _bars(ax: Axes | None, orders: Iterable[float], bars: Mapping[str, Array], *title: str, y: str) -> Axes:
-    """Two bars beside each other for each order, of angles."""
     ax = axes_for(ax, height=3.6)
-    ticks = [f"{order:g}" for order in orders]
-    place = np.arange(len(ticks))
-    for shift, colour, (label, sizes) in zip((-0.2, 0.2), (_MEASURED, _MADE), bars.items(), strict=True):
-        ax.bar(place + shift, in_shown_unit(sizes, "angle"), 0.4, color=colour, label=label)
-    ax.set_xticks(place, ticks, rotation=90 if len(ticks) > 20 else 0, fontsize=8)
-    return labelled(ax, *title, x=ORDER, y=y, xlim=(-1, max(len(ticks), 1)))  # a single order is no wall
+    place = np.arange(len(rows))
+    for shift, colour, name in ((-0.2, style.ORANGE, "before"), (0.2, style.BLUE, "after")):
+        sizes = in_shown_unit(np.array([getattr(one, name) for one in rows]), "angle")
+        ax.bar(place + shift, sizes, 0.4, color=colour, label=name)
+    ax.set_xticks(place, [f"{one.order:g}" for one in rows], fontsize=8)
+    xlim = (-1, max(len(rows), 1))  # a single order is no wall
+    return labelled(ax, "orders that differ", x=ORDER, y="amplitude, arcsec", xlim=xlim)
 
 
 def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
@@ -152,31 +127,6 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
         y=f"amplitude, {shown_unit('angle')}",
         ylim=(0.0, top),
     )
-
-
-def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
-    """Mean and 95 % quantile of the peak-to-peak error, of units to come and of the measured ones, by condition.
-
-    Parameters
-    ----------
-    found : Lot
-    """
-    if not found.predicted:
-        raise InputError("the lot predicts nothing, so there is nothing to draw")
-    rows = found.predicted[::-1]
-    ax, at = axes_of_rows(ax, [plain(one.condition) for one in rows])
-    ends = [(one.quantile.value, one.quantile.low, one.quantile.high) for one in rows]
-    value, low, high = in_shown_unit(np.array(ends), "angle").T
-    mean, *seen = in_shown_unit(np.array([(one.mean, *one.seen) for one in rows]), "angle").T
-    ax.hlines(at + 0.12, low, high, color=_MADE, lw=1.3)
-    for x, y, mark, colour, face, label in (
-        (value, at + 0.12, "o", _MADE, _MADE, "units to come, 95 % stay below; with 95 % interval"),
-        (mean, at + 0.12, "D", _MADE, "white", "units to come, mean"),
-        (seen[1], at - 0.12, "s", _MEASURED, _MEASURED, "measured, 95 % are below"),
-        (seen[0], at - 0.12, "^", _MEASURED, "white", "measured, mean"),
-    ):
-        ax.plot(x, y, mark, color=colour, mfc=face, ms=6, label=label)
-    return labelled(ax, "Units to come", *_of(found), x="peak-to-peak transmission error, arcsec", xlim=(0, None))
 
 
 def _shown(found: Lot) -> list[MadeBy]:

@@ -13,13 +13,12 @@ from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.views.plots.figure import ORDER, Axes, axes_of_rows, heat_map, labelled, shown_unit, stated
-from rverror.views.plots.order_tables import CONDITIONS
 from rverror.views.plots.spectra import Lines, mechanism_of, run_lines
 from rverror.views.plots.waveforms import signals_of
 
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart
-_BY = ("torque", "temperature")
+_BY = {"torque": "output torque, N*m", "temperature": "temperature, degC"}
 
 
 def order_map(
@@ -95,7 +94,7 @@ def order_map(
         edges = np.append(order[starts], order[-1] + step) - step / 2
         meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
     last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
-    labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=CONDITIONS[by][1], legend="", xlim=(0, last))
+    labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=_BY[by], legend="", xlim=(0, last))
     of = f", largest of {columns} lines" if columns > 1 else ""
     heat_map(ax, meshes, label=f"amplitude, {shown_unit(quantity)}{of}")
     return ax

@@ -1,8 +1,7 @@
-"""Plots of order tables: amplitudes over a condition, passports of orders, what accounts for each."""
+"""Plots of order tables: passports of orders, what accounts for each."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -11,25 +10,16 @@ import numpy as np
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
-from rverror.base.units import ARCSEC, to_display
-from rverror.diagnosis.order_passport import OrderPassport, passport
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, OrderPassport, passport
 from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots import style
-from rverror.views.plots.figure import ORDER, Axes, axes_for, in_shown_unit, labelled, shown_unit
+from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled
 
-_MARKS = "osD^vPX<>*"  # one an order: no more lines are told apart
-_DIGITS = 6  # of a condition: mean speeds of runs differ beyond
+_MARKS = "osD^vP"  # one an order
 _MOST = 6  # orders whose passports are drawn
 _CURVE = 121  # points of a law
-#: Dimension and label of each condition that can be the abscissa.
-CONDITIONS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "torque": ("torque", "output torque, N*m"),
-        "input_speed": ("angular_speed", "input speed, rpm"),
-        "temperature": ("temperature", "temperature, degC"),
-    }
-)
 #: Share of an order's power: its name, colour and hatch.
 _SHARES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
     {
@@ -40,88 +30,6 @@ _SHARES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
         "left": ("nothing", "white", ""),
     }
 )
-
-
-def table_amplitudes(
-    table: OrderTable, *, by: str | None = None, most: int = len(_MARKS), ax: Axes | None = None
-) -> Axes:
-    """Amplitude of each order over the torque, or over the input speed where that takes more values.
-
-    Forward is drawn solid with full marks, reverse dashed with hollow ones.  Cases that differ in another condition
-    have lines of their own.
-
-    Parameters
-    ----------
-    table : OrderTable
-    by : {"torque", "input_speed", "temperature", "order"}, optional
-        The abscissa.  Where it is left out and the table knows none of the first three, it is the order.
-    most : int
-        So many orders are drawn, the largest; the title says of how many.
-
-    Raises
-    ------
-    InputError
-        If the table does not hold what is asked for, or holds no order.
-    """
-    known = {name: {_value(case, name) for case in table.cases} - {None} for name in CONDITIONS}
-    if by is None:
-        by = max(known, key=lambda name: len(known[name])) if any(known.values()) else "order"
-    if by not in (*CONDITIONS, "order"):
-        raise InputError(f"by = {by!r}: must be one of {', '.join((*CONDITIONS, 'order'))}")
-    if by != "order" and not known[by]:
-        raise InputError(f"by = {by!r}: no case of the table has it; choose another")
-    if not 1 <= most <= len(_MARKS):
-        raise InputError(f"most = {most}: must be 1 to {len(_MARKS)} orders, more are not told apart")
-    sizes = defaultdict[float, float](float)
-    for case in table.cases:
-        for order, size in zip(case.orders.tolist(), np.abs(case.waves).tolist(), strict=True):
-            sizes[order] = max(size, sizes[order])
-    if not sizes:
-        raise InputError("the table holds no order; give one that does")
-    ax = axes_for(ax, height=4.2)
-    drawn = sorted(sorted(sizes, key=lambda order: -sizes[order])[:most])
-    lines = _lines(table.cases, by)
-    for (order, sense, _), points in lines.items():
-        if order is None:
-            ax.plot(*np.array(points).T, ms=4, **_look(0, sense) | {"ls": "none"})
-        elif order in drawn:
-            ax.plot(*np.array(sorted(points)).T, ms=4, lw=1.2, **_look(drawn.index(order), sense))
-    # the legend tells orders by full marks without a line, and the senses by their lines
-    for number, order in enumerate(() if by == "order" else drawn):
-        ax.plot([], [], **_look(number, 1.0) | {"ls": "none"}, ms=5, label=f"order {order:.6g}")
-    senses = sorted({sense for _, sense, _ in lines}, reverse=True)
-    for sense in senses if len(senses) > 1 else ():
-        ax.plot([], [], ms=4, **_look(0, sense) | {"color": style.BLACK}, label=way(sense))
-    return labelled(
-        ax,
-        "order table",
-        f"the largest {len(drawn)} of {len(sizes)} orders" if by != "order" and len(drawn) < len(sizes) else "",
-        way(senses[0]) if len(senses) == 1 else "",
-        x=ORDER if by == "order" else CONDITIONS[by][1],
-        y=f"amplitude, {shown_unit('angle')}",
-        yscale="log",
-        legend="beside",
-    )
-
-
-def _value(case: OrderCase, name: str) -> float | None:
-    """Condition of a case, core unit, to the digits that tell one from another."""
-    value = getattr(case.condition, name)
-    return None if value is None else float(f"{value:.{_DIGITS}g}")
-
-
-def _lines(cases: Sequence[OrderCase], by: str) -> Mapping[tuple[Any, ...], list[tuple[float, float]]]:
-    """Points of each order, direction and setting of what is not the abscissa, in the units shown."""
-    lines = defaultdict[tuple[Any, ...], list[tuple[float, float]]](list)
-    for case in cases:
-        at = None if by == "order" else _value(case, by)
-        if by != "order" and at is None:
-            continue
-        rest = tuple(_value(case, name) for name in CONDITIONS if name != by)
-        for order, size in zip(case.orders.tolist(), in_shown_unit(np.abs(case.waves), "angle"), strict=True):
-            place = order if at is None else to_display(at, CONDITIONS[by][0])
-            lines[None if at is None else order, case.condition.direction, rest].append((place, float(size)))
-    return lines
 
 
 def _look(number: int, sense: float) -> dict[str, Any]:
@@ -136,8 +44,41 @@ def _look(number: int, sense: float) -> dict[str, Any]:
 
 
 def strongest_orders(found: OrderTable | Diagnosis, *, ax: Axes | None = None) -> Axes:
-    """Passports of the strongest orders of a table or a diagnosis, as `passport_plot` draws them."""
-    return passport_plot(found.passport if isinstance(found, Diagnosis) else passport(found.cases), ax=ax)
+    """Passports of the strongest orders of a table or a diagnosis over the torque, as `passport_plot` draws them.
+
+    A table that tells no load law is drawn over the input speed, where it holds several speeds.
+    """
+    if isinstance(found, Diagnosis):
+        return passport_plot(found.passport, ax=ax)
+    passports = passport(found.cases)
+    speeds = [speed for case in found.cases if (speed := case.condition.input_speed) is not None]
+    several = bool(speeds) and max(speeds) - min(speeds) > SAME_SETTING * max(speeds)
+    if several and not _has_load_law(passports):
+        return _over_speed(found.cases, passports, ax)
+    return passport_plot(passports, ax=ax)
+
+
+def _has_load_law(passports: Sequence[OrderPassport]) -> bool:
+    return any(law.slope is not None for one in passports for law in one.laws)
+
+
+def _over_speed(cases: Sequence[OrderCase], passports: Sequence[OrderPassport], ax: Axes | None) -> Axes:
+    """Measured amplitudes of the strongest orders over the input speed."""
+    ax = axes_for(ax, height=4.2)
+    for number, one in enumerate(passports[:_MOST]):
+        for law in one.laws:
+            points = [
+                (case.condition.input_speed, abs(wave))
+                for case in cases
+                if case.condition.direction == law.direction and case.condition.input_speed is not None
+                for wave in case.waves[np.abs(case.orders - one.order) <= SAME_ORDER]
+            ]
+            speed, size = np.array(sorted(points)).reshape(-1, 2).T
+            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
+            shown = in_shown_unit(speed, "angular_speed"), in_shown_unit(size, "angle")
+            ax.plot(*shown, ms=4, lw=0.8, label=label, **_look(number, law.direction))
+    x, y = "input speed, rpm", "amplitude, arcsec"
+    return labelled(ax, "orders over the speed", x=x, y=y, yscale="log", legend="beside")
 
 
 def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None) -> Axes:
@@ -156,7 +97,7 @@ def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None)
     InputError
         If no order was measured at several torques.
     """
-    if not any(law.slope is not None for one in passports for law in one.laws):
+    if not _has_load_law(passports):
         raise InputError("no order was measured at two torques or more; a passport is drawn over the torque")
     ax = axes_for(ax, height=4.2)
     for number, one in enumerate(passports[:_MOST]):

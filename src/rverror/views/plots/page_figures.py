@@ -23,11 +23,12 @@ from rverror.views.plots.zoomable import figure_element
 #: Plots that show a kind of result; of any other the usual one.
 _KINDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "resonances", "shares"),
+        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "shares"),
         "ErrorBudget": ("contributions", "distribution", "at_load"),
-        "Allocation": ("widths", "front", "at_load"),
-        "Lot": ("processes", "shares", "orders", "predicted"),
+        "Allocation": ("widths", "at_load"),
+        "Lot": ("processes", "shares"),
         "Compensation": ("orders", "waveform"),
+        "SpeedResponse": ("campbell", "order_map"),
     }
 )
 _PAGE_ALONE = "residual"  # which one figure of all has no room for
@@ -56,19 +57,18 @@ def figure_of(result: Any, **options: Any) -> Figure:
     result, **options
         As of `figures_of`.
     """
-    figure = bare_figure(_WIDTH, _HEIGHT)
+    figure, rows = bare_figure(_WIDTH, _HEIGHT), []
     for kind, given in _plots(result, options):
         if kind == _PAGE_ALONE:
             continue
         ax = figure.add_subplot()
         try:
-            draw(result, ax, kind=kind, **given)
+            rows.append(draw(result, ax, kind=kind, **given))
         except InputError:  # nothing of the kind
             ax.remove()
-    rows = len(figure.axes)
-    figure.set_size_inches(_WIDTH, _HEIGHT * rows)
-    grid = figure.add_gridspec(rows, 1)
-    for row, ax in enumerate(figure.axes):
+    figure.set_size_inches(_WIDTH, _HEIGHT * len(rows))
+    grid = figure.add_gridspec(len(rows), 1)
+    for row, ax in enumerate(rows):
         ax.set_subplotspec(grid[row, 0])
     return figure
 
@@ -88,9 +88,7 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
 
 def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Kind and options of each plot that shows a result, one for each of its first runs."""
-    own = pictures_of(result)
-    of_runs = getattr(result, "traces", getattr(result, "conditions", ()))
-    runs = len(of_runs) if isinstance(of_runs, tuple) else 0
+    own, runs = pictures_of(result), len(getattr(result, "traces", ()))
     for kind in _KINDS.get(type(result).__name__, tuple(own)[:1]):
         taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}

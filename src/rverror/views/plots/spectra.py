@@ -81,18 +81,11 @@ def lines_of(theta: Array, values: Array) -> Lines:
     if turns == round(turns):
         size = amplitude(harmonics(values), n)
         return Lines(np.arange(1, size.size + 1, dtype=np.float64) / turns, size)
+    at, window = np.linspace(-1.0, 1.0, n), np.hanning(n)
+    rest = values - np.polyval(np.polyfit(at, values, 2), at)
     bins = np.arange(4, int(0.8 * n))  # padded to twice the travel, they lie half a travel's order apart
-    size = np.abs(np.fft.rfft(_windowed(values), 2 * n))[bins]
+    size = np.abs(np.fft.rfft(rest * window * 2 / window.sum(), 2 * n))[bins]  # a line's sum is its amplitude
     return Lines(bins / (2 * turns), size, apart=1 / (2 * turns))
-
-
-def _windowed(values: Array) -> Array:
-    """Values less their parabola, under a window so scaled that a line's sum over it is its amplitude."""
-    at = np.linspace(-1.0, 1.0, values.size)
-    basis = np.stack([np.ones_like(at), at, at**2])
-    rest = values - np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
-    window = np.hanning(values.size)
-    return np.asarray(rest * window * 2 / window.sum(), dtype=np.float64)
 
 
 def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:

@@ -1,16 +1,13 @@
-"""Plots of the output error at speed: amplitudes by order, Campbell diagram, map of orders over speed, run-up."""
+"""Plots of the output error at speed: Campbell diagram, map of orders over speed, run-up."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
-from rverror.dynamics.at_speed import CriticalSpeed, SpeedResponse
+from rverror.dynamics.at_speed import SpeedResponse
 from rverror.dynamics.running_up import RunUp
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
@@ -33,42 +30,6 @@ _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
 _APART = 0.045  # of what an axis shows, between texts
 _LINE = 10.0  # points, of small text
-
-
-def speed_amplitudes(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
-    """Amplitude of the largest orders over the input speed, their peaks marked.
-
-    Parameters
-    ----------
-    response : SpeedResponse
-    most : int
-        So many orders are drawn, those that are largest at some speed; the title says of how many.
-    """
-    ax = axes_for(ax, height=4.2)
-    leading = _leading(response, most)
-    speed = in_shown_unit(response.speed, "angular_speed")
-    size = in_shown_unit(np.abs(response.waves), "angle")
-    lines(ax, speed, ((_named(response.order[at]), size[:, at]) for at in leading))
-    _mark_critical(ax, response, leading, lambda one: float(in_shown_unit(np.array(one.amplitude), "angle")))
-    return labelled(
-        ax,
-        *_title("error by order", response, leading),
-        x=_SPEED,
-        y=f"amplitude, {shown_unit('angle')}",
-        ylim=(0, None),
-        legend="beside",
-    )
-
-
-def _mark_critical(
-    ax: Axes, response: SpeedResponse, leading: npt.NDArray[np.intp], height: Callable[[CriticalSpeed], float]
-) -> None:
-    """Ring the critical speeds of the orders that are drawn."""
-    peaks = [one for one in response.critical_speeds if one.order in response.order[leading]]
-    if peaks:
-        places = in_shown_unit(np.array([one.speed for one in peaks]), "angular_speed")
-        heights = [height(one) for one in peaks]
-        ax.plot(places, heights, "o", color=style.BLACK, markerfacecolor="none", label="critical")
 
 
 def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
@@ -106,7 +67,11 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         shown = response.frequency[low & (response.of_sun_support == of_sun)]
         if shown.size:
             ax.hlines(shown, 0, last, label=label, colors=colour, linewidth=width)
-    _mark_critical(ax, response, leading, lambda one: one.order * one.speed / (2 * np.pi * response.ratio))
+    critical = [one for one in response.critical_speeds if one.order in response.order[leading]]
+    if critical:
+        speed, order = np.array([(one.speed, one.order) for one in critical]).T
+        rings = in_shown_unit(speed, "angular_speed"), order * speed / (2 * np.pi * response.ratio)
+        ax.plot(*rings, "o", color=style.BLACK, mfc="none", label="critical")
     found = _crossings(response, leading, last, top)
     for number, (speed, frequency, *_) in enumerate(found, start=1):
         ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
@@ -168,22 +133,16 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
     ax : Axes, optional
         The colour bar takes its place from it.
     """
+    if response.speed.size < 2:
+        raise InputError("a map is drawn over the speed; give two input speeds or more")
     ax = axes_for(ax, height=4.2)
     count = response.theta.size
     every = np.arange(1, count // 2 + 1) / response.period
     shown = every <= highest
     waves = 2 * np.fft.rfft(response.transmission_error)[:, 1:][:, shown] / count
-    orders = np.append(every[shown], every[shown][-1] + 1 / response.period) - 0.5 / response.period
-    mesh = (_edges(in_shown_unit(response.speed, "angular_speed")), orders, in_shown_unit(np.abs(waves).T, "angle"))
-    heat_map(ax, [mesh], label=f"amplitude, {shown_unit('angle')}")
+    speed, size = in_shown_unit(response.speed, "angular_speed"), in_shown_unit(np.abs(waves).T, "angle")
+    heat_map(ax, [(speed, every[shown], size)], label=f"amplitude, {shown_unit('angle')}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
-
-
-def _edges(speeds: Array) -> Array:
-    """Where the column of each speed begins and ends: halfway to its neighbours."""
-    middle = (speeds[1:] + speeds[:-1]) / 2
-    ends = (2 * speeds[[0, -1]] - middle[[0, -1]]) if middle.size else speeds[0] + np.array([-0.5, 0.5])
-    return np.concatenate([ends[:1], middle, ends[1:]])
 
 
 def _leading(response: SpeedResponse, most: int) -> npt.NDArray[np.intp]:

@@ -203,18 +203,3 @@ def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
     lines(ax, found.hours, (("lost motion", lost), ("peak-to-peak under load", error)), marker="o", ms=4)
     x, y = "time of operation, h", "turn of the output, arcsec"
     return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y=y, ylim=(0, None), legend="beside")
-
-
-def worn_lobe(found: Wear, *, ax: Axes | None = None) -> Axes:
-    """Depth that a lobe and the pin on it have lost together over the roll angle, at some of the hours.
-
-    Parameters
-    ----------
-    found : Wear
-    """
-    ax = axes_for(ax, height=3.6)
-    depth = in_shown_unit(found.lobe_depth + found.pin_depth, "length")
-    chosen = np.unique(np.linspace(0, found.hours.size - 1, 4).round().astype(int))[1:]
-    lines(ax, np.degrees(found.roll_angle), ((f"{found.hours[at]:.4g} h", depth[at]) for at in chosen))
-    x = "roll angle from root over tip to root, deg"
-    return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y="worn off, um", legend="beside")

@@ -49,8 +49,8 @@ def scripts() -> tuple[str, ...]:
 def _can_zoom(figure: Figure) -> bool:
     """Tell whether mpld3 draws and zooms it as matplotlib does.
 
-    It does not know names or logarithms along an axis, equal scales, legends and texts of the whole figure, and shapes
-    across the axes, which it would leave where they are.
+    It does not know names or logarithms along an axis, equal scales, titles of legends, legends and texts of the whole
+    figure, and shapes across the axes, which it would leave where they are.
     """
     from matplotlib.ticker import ScalarFormatter
     from matplotlib.transforms import BlendedGenericTransform
@@ -62,7 +62,8 @@ def _can_zoom(figure: Figure) -> bool:
     across |= any(not one.get_transform().contains_branch(ax.transData) for ax in figure.axes for one in ax.patches)
     whole = [*figure.legends, *figure.texts, *(one for ax in figure.axes for one in ax.artists)]
     equal = any(ax.get_aspect() != "auto" for ax in figure.axes)
-    return bool(scripts()) and plain and not (across or whole or equal)
+    titled = any(box.get_title().get_text() for ax in figure.axes if (box := ax.get_legend()))
+    return bool(scripts()) and plain and not (across or whole or equal or titled)
 
 
 def _data(figure: Figure, number: int) -> str:
