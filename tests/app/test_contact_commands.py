@@ -178,7 +178,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(
 def test_models_that_say_too_little_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "m.toml"
     for text, said in (
-        ('[reducer]\npreset = "RV-40E"\n', "m.toml: friction: nothing is said of it; give its coefficients in [red"),
+        ('[reducer]\npreset = "RV-40E"\n', "m.toml: friction: no coefficients are stated; give them in [red"),
         ('[reducer]\npreset = "RV-003"\n[reducer.friction]\npin = 0.1\n', "m.toml: [reducer] has no rated_torque"),
         ("[drive]\nratio = 14.0\n", "m.toml: contacts under load need a [reducer] model"),
     ):

@@ -41,7 +41,7 @@ def test_the_text_says_who_makes_what() -> None:
     assert row(told, "crank.index ") == "crank.index 4 3.2 to 5.2 arcsec yes 20 – – 50"
     assert row(told, "cycloid.pin_position radial") == "cycloid.pin_position radial 1 0.8 to 1.3 um no 0 – – –"
     assert "These conditions do not show cycloid.pin_radius" in told
-    assert f"crank.eccentricity cannot be told from {HOSTILE}" in told
+    assert f"crank.eccentricity cannot be distinguished from {HOSTILE}" in told
     assert row(told, "crank.eccentricity (crank 0, disc 1)") == (
         "crank.eccentricity (crank 0, disc 1) tangential 5 4 to 6.5 um"
     )

@@ -156,7 +156,7 @@ def test_a_unit_that_is_warm_all_over_moves_its_output_by_nothing() -> None:
             lambda: Lubricant(viscosity_40=20, viscosity_100=5, temperature=300, speed=1, viscous=2),
             "viscous = 2: must be from 0 to 1, a share",
         ),
-        (lambda: duty_efficiency(NEW, THETA, duty=CYCLE), "nothing is said of it"),
+        (lambda: duty_efficiency(NEW, THETA, duty=CYCLE), "no coefficients are stated"),
     ],
 )
 def test_what_is_refused(call: Any, said: str) -> None:

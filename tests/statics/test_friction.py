@@ -140,7 +140,7 @@ def test_friction_of_the_model_is_taken_where_none_is_given() -> None:
         lambda: efficiency(bare, THETA, torque=100e3, direction=1.0),
         lambda: hysteresis(bare, [0.1], torques=[50e3]),
     ):
-        with pytest.raises(ValueError, match=r"friction: nothing is said of it; .*\[reducer\.friction\]"):
+        with pytest.raises(ValueError, match=r"friction: no coefficients are stated; .*\[reducer\.friction\]"):
             silent()
 
 

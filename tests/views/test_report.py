@@ -489,7 +489,7 @@ def test_over_a_part_of_a_turn_a_whole_one_is_asked_for(result: Outcome) -> None
         steps = [step for step in to_json(found)["next_measurements"] if step["name"] == "whole turn"]
         assert bool(steps) is wanted
         for step in steps:
-            assert f"over 40 deg {added.effect.key} cannot be told from sensor.drift" in step["why"]
+            assert f"over 40 deg {added.effect.key} cannot be distinguished from sensor.drift" in step["why"]
             assert [cause["key"] for cause in step["separates"]] == ["sensor.drift", "sensor.ratio_error"]
 
 

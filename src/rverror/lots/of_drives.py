@@ -213,7 +213,7 @@ def lot_of_drives(model: Model, units: Sequence[LotUnit] | Amplitudes, *, seed: 
         own=tuple(sorted(own, key=lambda one: one.chance)),
         pairs=_pairs(chosen, amplitudes.serials, seed),
         amplitudes=np.abs(chosen),
-        notes=(*amplitudes.notes, *([f"{left} weaker orders with more than noise are not told"] if left else [])),
+        notes=(*amplitudes.notes, *([f"{left} weaker orders above the noise are not listed"] if left else [])),
     )
 
 

@@ -338,12 +338,12 @@ def declared_friction(model: Model) -> Friction:
     Raises
     ------
     ValueError
-        If the model is no reducer, or nothing is said of friction.
+        If the model is no reducer, or no friction is stated.
     """
     unit = _reducer(model)
     if unit.friction == Friction():
         raise ValueError(
-            "friction: nothing is said of it; give its coefficients in [reducer.friction] or as friction=Friction(...)"
+            "friction: no coefficients are stated; give them in [reducer.friction] or as friction=Friction(...)"
         )
     return unit.friction
 

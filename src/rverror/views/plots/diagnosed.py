@@ -190,7 +190,7 @@ def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     behind = np.array([ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown])
     added = np.array([(candidate.key, candidate.indices) in alike for candidate in shown], dtype=np.bool_)
     for mask, face, label in (
-        (added, _AFTER, "added at the load, and what cannot be told from it"),
+        (added, _AFTER, "added at the load, and what cannot be distinguished from it"),
         (~added, "white", "others"),
     ):
         if mask.any():
