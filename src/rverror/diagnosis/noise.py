@@ -101,18 +101,13 @@ def _filled(residual: Array, kept: Flags) -> Array:
 def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     """Noise with the random walk beside it that is likeliest in a residual.
 
-    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their
-    `excess`.
-
     Parameters
     ----------
     noise : RunNoise
     residual : ndarray, shape (n,)
     kept : ndarray of bool, shape (n,)
     """
-    white = np.convolve(_filled(residual, kept), noise.filter, "valid")
-    squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-    shape = replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+    squares, shape = _waves_of_walk(noise, _filled(residual, kept))
     most, found = 0.0, 0.0
     for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
         excess = size * shape
@@ -122,14 +117,22 @@ def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     return replace(noise, walk=found)
 
 
+def _waves_of_walk(noise: RunNoise, residual: Array) -> tuple[Array, Array]:
+    """Squared sizes of the waves of a walk in a residual that noise whitens, and what a walk of size 1 adds to each.
+
+    They are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their `excess`.
+    """
+    white = np.convolve(residual, noise.filter, "valid")
+    squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
+    return squares, replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+
+
 def _wandering(found: Sequence[RunNoise], residual: Array) -> RunNoise:
     """Of noises with more and more lags, each with a random walk beside it and its size as that leaves it, the one that
     the Bayesian criterion allows: a small walk takes many lags, a large one few."""
     best, least, n = found[0], math.inf, residual.size
     for one in found:
-        white = np.convolve(residual, one.filter, "valid")
-        squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-        shape = replace(one, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+        squares, shape = _waves_of_walk(one, residual)
         most = _SHOWN**-2 / float(shape[min(_MOST_WAVES, squares.size) - 1])
         sizes = np.geomspace(0.01 / shape[0], most, _FEWER_WALKS)
         for size in (0.0, *sizes[sizes <= most]):
