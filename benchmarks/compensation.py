@@ -187,7 +187,7 @@ def recordings(folder: Path) -> None:
         left: dict[str, list[np.ndarray]] = {word: [] for word in ("before", "lookup", "all", "orders")}
         for out in folds:
             columns = {n: getattr(run, n) for n in ("input_angle", "output_angle", "te_column", "direction", "time")}
-            fit = replace(run, **{n: None if v is None else v[~out] for n, v in columns.items()}, extra={})
+            fit = replace(run, **{n: None if v is None else v[~out] for n, v in columns.items()})
             made = rverror.compensate(model, [fit])
             for sense in np.unique(run.direction):
                 new, old = out & (run.direction == sense), ~out & (run.direction == sense)

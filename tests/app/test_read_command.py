@@ -150,6 +150,7 @@ def test_a_draft_is_filled_in_and_read(bench: Path, capsys: pytest.CaptureFixtur
          ['separator = "\\t"', 'decimal = ","', '#   "angle"  unit °', '#   "time"  unit ms']),
         ("1;2\n2;3\n3;4\n", ["skip = 0", '#   "column 1"',
                               "# No names stand above the numbers: write column = 1, 2, ... instead of name."]),
+        ("% a;b\n1;2\n2;3\n3;4\n", ['#   "a"', '#   "b"']),
         ("a;b\n1,234;2\n2;3\n3;4\n",
          ["decimal = \"\"  # '1,234' may be 1.234 or 1234: write \".\" or \",\""]),
         ('"a\\b";"c""d"\n1;2\n2;3\n3;4\n', ['#   "a\\\\b"', '#   "c\\"d"']),

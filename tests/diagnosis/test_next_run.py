@@ -206,7 +206,9 @@ def test_each_pair_of_a_drive_has_its_measurement(
 def test_what_a_part_of_a_turn_hides_is_said_with_its_angle() -> None:
     (step, *_) = to_separate(DRIVE, sized(*RATIO), [ECCENTRIC, ("sensor.encoder_ellipticity", {})], SHORT)
     assert step.what == "a run over a whole output turn or more"
-    assert f"over {np.degrees(0.7):.3g} deg sensor.ratio_error cannot be distinguished from sensor.encoder_ecc" in step.why
+    assert (
+        f"over {np.degrees(0.7):.3g} deg sensor.ratio_error cannot be distinguished from sensor.encoder_ecc" in step.why
+    )
     assert [key for key, _ in step.separates] == ["sensor.encoder_eccentricity", "sensor.encoder_ellipticity"]
 
 

@@ -11,7 +11,8 @@ from scipy.signal import lfilter
 from gear_runs import red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.diagnosis.noise import RunNoise, Whitening, averaged, burg, noise_of, walking
+from rverror.diagnosis.noise import Whitening, averaged, burg, noise_of, walking
+from rverror.runs.noise import RunNoise
 
 FLOOR = 1e-3 * ARCSEC
 

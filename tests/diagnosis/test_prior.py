@@ -17,10 +17,10 @@ from rverror.app.command_line import main
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated, fitted
 from rverror.diagnosis.gears.score import Score
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.diagnosis.size_prior import SizePrior
 from rverror.model.catalogue import CATALOGUE
+from rverror.runs.noise import RunNoise
 
 ENCODER, SLOPE = "sensor.encoder_eccentricity", "sensor.ratio_error"
 ONLY = replace(POLICY, keys=(ENCODER, SLOPE))

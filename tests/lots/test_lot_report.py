@@ -98,7 +98,7 @@ def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:
 
 def test_the_page_has_pictures_and_escapes_every_name() -> None:
     page = to_html(lot())
-    assert page.count("<svg") == 5  # processes, shares, orders of two conditions, units to come
+    assert page.count("<svg") == 2  # processes, shares
     assert "<script" not in page
     assert "<img" not in page
     assert to_html(EMPTY).startswith("<!doctype html>")

@@ -49,7 +49,7 @@ _MULTIPLES = 30
 _FEW_MULTIPLES = 8  # where every one is tried
 _EXTENSION = 4  # slow waves over a travel that is passed again and again
 _ROUNDS = 4
-_EXPECTED = 50  # steps of expectation and maximisation
+_NOISE_AMONG = 0.05  # share of the orders that are taken which may be expected to be noise
 _RIDGE = 1e-12  # slow waves over a part of a turn are all but one another
 _LEAKS = 0.1  # of the strongest order of a round: below, it may be spilled by it
 _MESHES = 3  # multiples of a mesh order that fold
@@ -289,32 +289,46 @@ def repeating_orders(record: DirectedRun) -> RepeatingOrders:
     -------
     RepeatingOrders
     """
-    pick = _standing_out if record.whole or not record.passed else _cross_validated
-    orders = pick(record) if record.candidates.size else record.candidates
+    # over a part of a turn all that repeats is a line spectrum of its own, and no order between shows the noise
+    by_passes = record.passed and not record.whole
+    orders = record.candidates if by_passes or not record.candidates.size else _standing_out(record)
     while True:
         found = at_orders(record, orders)
-        good = (found.gains.sum(axis=0) > 0) & (np.abs(found.waves) > _FLOOR)
+        good = _gains(found.gains, 1.0 if by_passes else 0.0) & (np.abs(found.waves) > _FLOOR)
         if good.all():
-            return found
+            break
         orders = orders[good]
+    if by_passes and orders.size:
+        beyond_chance = student(CHANCE / record.candidates.size, found.before.size - 1)
+        if not _gains(found.before - found.after, beyond_chance):
+            return at_orders(record, orders[:0])
+    return found
+
+
+def _gains(each: Array, errors: float) -> Flags:
+    """Whether the mean over the stretches is more than so many of its standard errors."""
+    return np.asarray(each.mean(axis=0) > errors * each.std(axis=0, ddof=1) / math.sqrt(len(each)))
 
 
 def _standing_out(record: DirectedRun) -> Array:
-    """Orders that are more likely to help than not, once one stands out beyond chance; each round beside those before.
+    """Orders that stand out of the noise, once one does beyond chance; each round beside those before.
 
-    Taken whole, a wave lowers the expected squared error where more than half of it is expected to be there.
+    So many are taken that at most one of twenty is expected to be noise (Benjamini and Hochberg).
     """
     chosen, candidates = np.zeros(0), record.candidates
+    ranks = np.arange(1, candidates.size + 1)
     for _ in range(_ROUNDS):
-        sizes, left = _left(record, chosen)
-        power, noise, freedom = _power(record, left, candidates)
+        found = at_orders(record, chosen)
+        power, noise, freedom = _power(record, found.left)
         taken = np.isin(candidates, chosen)
-        power[taken] = sizes
+        power[taken] = np.abs(found.waves) ** 2
         # of noise as much power has the chance exp(-rarity): an F of 2 and so many degrees of freedom
         rarity = freedom / 2 * np.log1p(2 * power / noise / freedom)
         if not chosen.size and rarity.max() < math.log(candidates.size / CHANCE):
             break
-        loud = ~taken & (_share(rarity) > 0.5) & (power > _FLOOR**2)
+        falling = np.sort(rarity)[::-1]
+        rare = falling[falling > np.log(candidates.size / (_NOISE_AMONG * ranks))]
+        loud = ~taken & (rarity >= rare.min(initial=math.inf)) & (power > _FLOOR**2)
         if not loud.any():
             break
         if not record.whole:  # over a part of a turn the strong spill over the weak, and neighbours are one line
@@ -326,104 +340,33 @@ def _standing_out(record: DirectedRun) -> Array:
     return chosen
 
 
-def _share(ratio: Array) -> Array:
-    """Share of each wave that is expected to be there, from its power over that of known noise, of all orders together.
-
-    Waves that are there are taken as normal, of several scales r over the noise; how many of each, by expectation and
-    maximisation from all orders.  Under scale r a ratio x has the density exp(-x / (1 + r)) / (1 + r), and r / (1 + r)
-    of the wave is expected.
-    """
-    most = max(float(ratio.max()), 4.0)
-    scales = np.concatenate([[0.0], 4.0 ** np.arange(math.ceil(math.log(most, 4)) + 1)])
-    logs = -ratio[:, None] / (1 + scales) - np.log1p(scales)
-    density = np.exp(logs - logs.max(axis=1, keepdims=True))
-    weights = np.full(scales.size, 1 / scales.size)
-    for _ in range(_EXPECTED):
-        own = density * weights
-        own /= own.sum(axis=1, keepdims=True)
-        weights = own.mean(axis=0)
-    return np.asarray(own @ (scales / (1 + scales)))
-
-
-def _cross_validated(record: DirectedRun) -> Array:
-    """Orders by what they take off passes left out, the most first, until the mean gain is within its standard error.
-
-    The first has to gain beyond chance.  Over a part of a turn that is passed again and again all that repeats is a
-    line spectrum of its own, and no order between shows the noise; what differs between passes does.
-    """
-    chosen, candidates = np.zeros(0), record.candidates
-    last = at_orders(record, chosen).after
-    level = student(CHANCE / candidates.size, max(np.unique(record.block).size - 1, 1))
-    while chosen.size < candidates.size:
-        trials = [(at_orders(record, np.union1d(chosen, [k])), k) for k in np.setdiff1d(candidates, chosen).tolist()]
-        best, order = min(trials, key=lambda trial: float(trial[0].after.sum()))
-        gain = last - best.after
-        if gain.mean() <= level * gain.std(ddof=1) / math.sqrt(gain.size):
-            break
-        chosen, last, level = np.union1d(chosen, [order]), best.after, 1.0
-    return chosen
-
-
-def _left(record: DirectedRun, orders: Array) -> tuple[Array, Array]:
-    """Squared amplitude of given orders, and what they leave."""
-    base = _base(record, orders)
-    square = base.T @ base
-    sizes = np.linalg.solve(square + _RIDGE * np.diag(np.diag(square)), base.T @ record.error)
-    waves = sizes[base.shape[1] - 2 * orders.size :].reshape(2, -1)
-    return (waves**2).sum(axis=0), record.error - base @ sizes
-
-
-def _base(record: DirectedRun, orders: Array) -> Array:
-    phase = record.theta[:, None] * orders
-    return np.hstack([record.slow(), np.cos(phase), np.sin(phase)])
-
-
-def _power(record: DirectedRun, left: Array, orders: Array) -> tuple[Array, Array, Array]:
-    """Squared amplitude at given orders, what noise alone has there, and degrees of freedom of the latter.
-
-    Noise is the median over the orders beside it that the travel tells apart, where those between whole turns alone:
-    the power of noise has an exponential law, whose mean is the median over log 2.
-    """
-    if record.whole:
-        every, lines, between = _lines_of_turns(record, left)
-    else:
-        count = int(orders.max() * record.turns) + _BESIDE
-        every = np.arange(1, count + 1) / record.turns
-        lines, between = _projected(record.theta, left, every), np.ones(count, dtype=bool)
-    if record.whole and np.array_equal(orders, np.round(orders)):
-        power = lines[np.round(orders / every[0]).astype(np.intp) - 1]
-    else:
-        power = _projected(record.theta, left, orders)
+def _power(record: DirectedRun, left: Array) -> tuple[Array, Array, Array]:
+    """Squared amplitude of the candidates, what noise alone has there, and degrees of freedom of the latter."""
+    theta, orders = record.theta, record.candidates
+    turns = math.floor(record.turns + 1e-6) or record.turns
+    rank, count = np.argsort(theta, kind="stable"), round(theta.size * turns / record.turns)
+    even = np.interp(theta.min() + turns * _TURN * np.arange(count) / count, theta[rank], left[rank])
+    lines = np.abs(2 * np.fft.rfft(even)[1 : (count + 1) // 2] / count) ** 2
+    every = np.arange(1, lines.size + 1) / turns
+    # of more turns than one those between whole orders
+    between = (np.abs(every - np.round(every)) * turns > 0.5) | (turns <= 1)
     beside, where = lines[between], every[between]
-    middle = np.searchsorted(where, orders)
+    at = np.rint(orders * turns).astype(np.intp)
+    on_line = np.abs(orders * turns - at) < 1e-6
+    power = np.empty(orders.size)
+    power[on_line] = lines[at[on_line] - 1]
+    power[~on_line] = [
+        abs(2 / theta.size * complex(left @ np.exp(-1j * k * theta))) ** 2 for k in orders[~on_line].tolist()
+    ]
+    # the power of noise has an exponential law, whose mean is the median over log 2
     noise, freedom = np.empty(orders.size), np.empty(orders.size)
-    for n, at in enumerate(middle.tolist()):
+    for n, middle in enumerate(np.searchsorted(where, orders).tolist()):
         # a narrower span at low orders keeps the noise's colour; over a part of a turn strong orders spill into it
-        half = min(max(at // 4, _FEWEST_BESIDE), _BESIDE) if record.whole else _BESIDE
-        near = beside[max(at - half, 0) : at + half]
-        noise[n] = max(float(np.median(near)) / math.log(2), 4 * _FLOOR**2 / record.theta.size)
+        half = min(max(middle // 4, _FEWEST_BESIDE), _BESIDE) if record.whole else _BESIDE
+        near = beside[max(middle - half, 0) : middle + half]
+        noise[n] = max(float(np.median(near)) / math.log(2), 4 * _FLOOR**2 / theta.size)
         freedom[n] = max(_WORTH * near.size, 2.0)
     return power, noise, freedom
-
-
-def _lines_of_turns(record: DirectedRun, left: Array) -> tuple[Array, Array, Flags]:
-    """Orders 1/turns, 2/turns, ... of whole turns, squared amplitudes from even angles, and which are no whole order.
-
-    Of a single turn all count as such: there are no others.
-    """
-    turns = math.floor(record.turns + 1e-6)
-    rank = np.argsort(record.theta, kind="stable")
-    angle = record.theta[rank]
-    count = round(angle.size * turns / record.turns)
-    even = angle[0] + turns * _TURN * np.arange(count) / count
-    lines = np.fft.rfft(np.interp(even, angle, left[rank]))[1 : (count + 1) // 2]
-    orders = np.arange(1, lines.size + 1) / turns
-    between = (np.abs(orders - np.round(orders)) * turns > 0.5) | (turns == 1)
-    return orders, np.abs(2 * lines / count) ** 2, between
-
-
-def _projected(theta: Array, left: Array, orders: Array) -> Array:
-    return np.array([abs(2 / theta.size * complex(left @ np.exp(-1j * k * theta))) ** 2 for k in orders.tolist()])
 
 
 def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
@@ -438,9 +381,10 @@ def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
     -------
     RepeatingOrders
     """
-    base = _base(record, orders)
-    slow = base.shape[1] - 2 * orders.size
-    wave = base[:, slow:]
+    phase = record.theta[:, None] * orders
+    wave = np.hstack([np.cos(phase), np.sin(phase)])
+    base = np.hstack([record.slow(), wave])
+    slow = base.shape[1] - wave.shape[1]
     labels = np.unique(record.block)
     whole = base.T @ base
     whole += _RIDGE * np.diag(np.diag(whole))

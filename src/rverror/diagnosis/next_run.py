@@ -107,8 +107,8 @@ _RULES = (
     _Rule(
         "whole turn",
         "a run over a whole output turn or more",
-        "over {travel} deg {named} cannot be distinguished from {others} ({now} of the waveform differs), over whole turns "
-        "{whole} does",
+        "over {travel} deg {named} cannot be distinguished from {others} ({now} of the waveform differs), over "
+        "whole turns {whole} does",
         lambda p: p.coverage.travel is not None and p.differs(p.whole, p.now),
     ),
     _Rule(

@@ -13,10 +13,10 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array, Flags
+from rverror.runs.noise import FREQUENCIES, RunNoise, autoregressive
 
 _MOST_LAGS = 32
 _LEAST_LAGS = 4  # of means of samples: those of noise of one lag have more than one
-_TABLE = 8192  # frequencies of a tabulated spectrum
 _BANDS = 3.0  # bands of the spectrum an octave: narrow beside the colour of noise, wide beside lines
 _LEAST_BINS = 16  # in a band: a median of fewer says little
 #: Of a model of the noise, each bin over what the last one makes of it: a random walk falls so steeply within a band
@@ -28,48 +28,6 @@ _WALKS = 60  # sizes of a random walk that are tried, a factor of 1.2 apart
 _SHOWN = 5.0  # times the wave at which a walk is as large as the noise: beyond it is a twenty-fifth
 _FAR = 8.0  # times the median of noise: above it lies one bin in 256
 _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has an exponential distribution in each bin
-
-
-@dataclass(frozen=True, eq=False)
-class RunNoise:
-    """Autoregressive noise, e[t] = sum of coefficients[k] e[t-1-k] + sigma w[t], and a random walk beside it.
-
-    The walk's steps are `walk` times sigma: at a frequency, rad a sample, it has the power (walk sigma / frequency)^2.
-    """
-
-    coefficients: Array
-    sigma: float
-    walk: float = 0.0
-
-    @property
-    def filter(self) -> Array:
-        """Whitening filter."""
-        return np.concatenate([[1.0], -self.coefficients]) / self.sigma
-
-    def spectrum(self, frequency: Array) -> Array:
-        """Variance per unit of `frequency` / 2 pi, rad per sample."""
-        plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
-        return np.asarray(plain + (self.step / frequency) ** 2 if self.walk else plain, dtype=np.float64)
-
-    def excess(self, frequency: Array) -> Array:
-        """Power of the walk over that of the noise without it."""
-        plain = np.interp(frequency, np.linspace(0, np.pi, _TABLE + 1), self._response)
-        return np.asarray((self.step / frequency) ** 2 / plain, dtype=np.float64)
-
-    @cached_property
-    def _response(self) -> Array:
-        return np.asarray(np.abs(np.fft.rfft(self.filter, 2 * _TABLE)) ** -2)
-
-    @property
-    def step(self) -> float:
-        """Standard deviation of the steps of its walk, rad a sample."""
-        return self.walk * self.sigma
-
-    @cached_property
-    def rms(self) -> float:
-        """Standard deviation of the noise itself, a walk left out, which has none."""
-        response = np.abs(np.fft.rfft(self.filter, 4096)) ** -2
-        return float(np.sqrt(np.mean(np.concatenate([response, response[1:-1]]))))
 
 
 def noise_of(
@@ -118,7 +76,7 @@ def noise_of(
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
         orders = range(count + 1) if by_criterion else (count,)
-        found = _likeliest([_autoregressive(correlation, lags, floor) for lags in orders], n)
+        found = _likeliest([autoregressive(correlation, lags, floor) for lags in orders], n)
     return found
 
 
@@ -145,18 +103,13 @@ def _filled(residual: Array, kept: Flags) -> Array:
 def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     """Noise with the random walk beside it that is likeliest in a residual.
 
-    Whitened its waves are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their
-    `excess`.
-
     Parameters
     ----------
     noise : RunNoise
     residual : ndarray, shape (n,)
     kept : ndarray of bool, shape (n,)
     """
-    white = np.convolve(_filled(residual, kept), noise.filter, "valid")
-    squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-    shape = replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+    squares, shape = _waves_of_walk(noise, _filled(residual, kept))
     most, found = 0.0, 0.0
     for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
         excess = size * shape
@@ -166,14 +119,22 @@ def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     return replace(noise, walk=found)
 
 
+def _waves_of_walk(noise: RunNoise, residual: Array) -> tuple[Array, Array]:
+    """Squared sizes of the waves of a walk in a residual that noise whitens, and what a walk of size 1 adds to each.
+
+    They are cos(pi k (t + 1/2) / n), half a cycle a run and multiples, with a variance of 1 and their `excess`.
+    """
+    white = np.convolve(residual, noise.filter, "valid")
+    squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
+    return squares, replace(noise, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+
+
 def _wandering(found: Sequence[RunNoise], residual: Array) -> RunNoise:
     """Of noises with more and more lags, each with a random walk beside it and its size as that leaves it, the one that
     the Bayesian criterion allows: a small walk takes many lags, a large one few."""
     best, least, n = found[0], math.inf, residual.size
     for one in found:
-        white = np.convolve(residual, one.filter, "valid")
-        squares = scipy.fft.dct(white, norm="ortho")[1:] ** 2
-        shape = replace(one, walk=1.0).excess(math.pi / white.size * np.arange(1, squares.size + 1))
+        squares, shape = _waves_of_walk(one, residual)
         most = _SHOWN**-2 / float(shape[min(_MOST_WAVES, squares.size) - 1])
         sizes = np.geomspace(0.01 / shape[0], most, _FEWER_WALKS)
         for size in (0.0, *sizes[sizes <= most]):
@@ -192,21 +153,13 @@ def averaged(noise: RunNoise, together: int) -> RunNoise:
     Their correlation is r'[k] = sum over i, j of r[q k + i - j] / q^2, i and j from 0 to q - 1, from the correlation r
     of the samples: the Fourier transform of their spectrum.  A walk's steps from mean to mean are so many of its own.
     """
-    plain = np.fft.irfft(replace(noise, walk=0.0).spectrum(np.linspace(0, np.pi, _TABLE + 1)))
+    plain = np.fft.irfft(replace(noise, walk=0.0).spectrum(FREQUENCIES))
     lags = max(min(_MOST_LAGS, noise.coefficients.size), _LEAST_LAGS)
     shift = np.arange(1 - together, together)
     weight = (together - np.abs(shift)) / together**2
     correlation = np.array([weight @ plain[np.abs(together * k + shift)] for k in range(lags + 1)])
-    means = _autoregressive(correlation, lags, 0.0)
+    means = autoregressive(correlation, lags, 0.0)
     return replace(means, walk=noise.step * math.sqrt(together) / means.sigma)
-
-
-def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
-    """Noise of so many lags with a correlation, and white noise beside it (Yule and Walker)."""
-    correlation = correlation[: lags + 1] + floor**2 * (np.arange(lags + 1) == 0)
-    ahead = correlation[1:]
-    coefficients = scipy.linalg.solve_toeplitz(correlation[:lags], ahead) if lags else np.zeros(0)
-    return RunNoise(np.asarray(coefficients), float(np.sqrt(correlation[0] - coefficients @ ahead)))
 
 
 def burg(residual: Array, most: int, *, floor: float = 0.0) -> list[RunNoise]:

@@ -59,7 +59,7 @@ class Coverage:
 class Pair:
     """The named cause and one that explains the runs as well.
 
-    Waveforms are compared at constant speed, at which a delay between the encoders has none, so that it is not compared.
+    Waveforms are compared at constant speed, at which a delay between the encoders has none: it is left out.
 
     Attributes
     ----------

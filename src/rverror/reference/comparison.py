@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
@@ -179,35 +178,30 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
             "360 deg; give one or more whole turns",
         )
-    targets, order = _targets(case, angle[0], turns)
+    targets = _targets(case.arrays["theta"], angle[0], turns)
     if not _samples_at(angle, targets):
         resolved = _check_step(name, step, wanted)
         notes.append(
             f"{angle.size} angles differ from the case's; interpolated by a cubic spline onto its {wanted.size} a "
             f"turn, good for orders below {resolved:.0f}"
         )
-    values = _interpolated(angle, values, targets, turns)
     if turns > 1:
         notes.append(f"{turns} whole turns: their mean is compared")
-    mean = np.empty(wanted.size)
-    mean[order] = values.reshape(turns, wanted.size).mean(axis=0)
-    return mean, notes
+    return _interpolated(angle, values, targets, turns).mean(axis=0), notes
 
 
-def _targets(case: StoredCase, start: float, turns: int) -> tuple[Array, npt.NDArray[np.intp]]:
-    """Angles of the case in the turns from a start on, growing, and the place in the case of each of one turn."""
-    theta = case.arrays["theta"]
+def _targets(theta: Array, start: float, turns: int) -> Array:
+    """Angles of a case in each of the turns from a start on, shape (turns, n)."""
     slack = _SAME_ANGLE * _TURN / theta.size
-    beyond = (theta - start + slack) % _TURN - slack
-    order = np.argsort(beyond)
-    return (start + beyond[order] + _TURN * np.arange(turns)[:, None]).ravel(), order
+    once = start + (theta - start + slack) % _TURN - slack
+    return np.asarray(once + _TURN * np.arange(turns)[:, None], dtype=np.float64)
 
 
 def _samples_at(angle: Array, targets: Array) -> bool:
     """Whether there is a sample at every target."""
     right = np.clip(np.searchsorted(angle, targets), 1, angle.size - 1)
     off = np.minimum(np.abs(targets - angle[right - 1]), np.abs(angle[right] - targets))
-    return bool((off <= _SAME_ANGLE * (targets[1] - targets[0])).all())
+    return bool((off <= _SAME_ANGLE * _TURN / targets.shape[1]).all())
 
 
 def _check_step(name: str, step: Array, wanted: Array) -> float:

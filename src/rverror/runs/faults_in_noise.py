@@ -22,13 +22,16 @@ from rverror.runs.fault_bounds import (
     scatter,
     scatter_of_changes,
 )
+from rverror.runs.noise import RunNoise, autoregressive
 
-# Order of the filter: white noise beside a correlation over 40 samples is forgotten over 6.
-_ORDER = 24
+# Of the filter: white noise beside a correlation over 40 samples is forgotten over 6.
+_LAGS = 24
 # Samples of which the noise's colour is read at a time, so that a slip spoils one block only; such a block has so many
 # times the power of the usual one.
 _BLOCK = 1024
 _WILD = 2.0
+# White noise that is there in any case, of the power: all of a clean run may be predicted.
+_TINY = 1e-9
 # Samples over which scatter is told, and by how much it exceeds the usual where that is no chance.
 _NEAR = 512
 _LOUDER = 1.15
@@ -86,7 +89,7 @@ def faults_in_noise(
                 steps[k] = LevelStep(step.first, step.last, step.size + more, spread)
                 if abs(more) > spread:
                     taken.append((k, BOUNDS.reach))
-        new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _ORDER)]
+        new = [(spikes.score[k], k, True) for k in peaks(spikes.score * (np.abs(spikes.size) > floor), 1, _LAGS)]
         new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, BOUNDS.reach)]
         for score, k, single in sorted(new, reverse=True):
             # What is near a larger one waits until that is out; what comes once a turn is the gear's.
@@ -94,7 +97,7 @@ def faults_in_noise(
                 continue
             if repeats(theta, (spikes if single else slips).size, k):
                 continue
-            taken.append((k, _ORDER if single else BOUNDS.reach))
+            taken.append((k, _LAGS if single else BOUNDS.reach))
             if single:
                 for j in range(k, min(k + int(spikes.length[k]), good.size)):
                     if good[j]:
@@ -115,49 +118,33 @@ def faults_in_noise(
 # --- the noise --------------------------------------------------------------------------------------------------------
 
 
-def _colour(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> tuple[Array, Array]:
-    """Autoregressive model of the noise, from the autocovariance of blocks about their means.
+def _noises(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> list[RunNoise]:
+    """Noise of no lag, of one, and so on, from the correlation of blocks about their means.
 
     Large values are cut, wild blocks left out.
-
-    Returns
-    -------
-    filters : ndarray, shape (order + 1, order + 1)
-        Row p: the prediction error filter of order p, 1 first.
-    spread : ndarray, shape (order + 1,)
-        Standard deviation of its output.
     """
-    order = min(_ORDER, int(np.count_nonzero(good)) // 8)
+    lags = min(_LAGS, int(np.count_nonzero(good)) // 8)
     sums: list[list[float]] = []
     counts: list[int] = []
     for first, last in pieces:
         for a, b in pairwise(np.linspace(first, last, max(round((last - first) / _BLOCK), 1) + 1).astype(int).tolist()):
             use = good[a:b]
             count = int(np.count_nonzero(use))
-            if count < 2 * order:
+            if count < 2 * lags:
                 continue
             about = np.where(use, values[a:b] - values[a:b][use].mean(), 0.0)
             cut = 4 * float(scatter(about[use]))
-            padded = np.pad(np.clip(about, -cut, cut), (0, order))
-            sums.append([float(padded[: b - a] @ padded[h : h + b - a]) for h in range(order + 1)])
+            padded = np.pad(np.clip(about, -cut, cut), (0, lags))
+            sums.append([float(padded[: b - a] @ padded[h : h + b - a]) for h in range(lags + 1)])
             counts.append(count)
     if not sums:  # crumbs only: white
-        sums, counts = [[float(values[good] @ values[good]), *[0.0] * order]], [int(np.count_nonzero(good))]
+        sums, counts = [[float(values[good] @ values[good]), *[0.0] * lags]], [int(np.count_nonzero(good))]
     table, number = np.array(sums), np.array(counts)
     power = table[:, 0] / number
     usual = power <= _WILD * np.median(power)  # a slip inside a block looks like slow noise
-    covariance = table[usual].sum(axis=0) / number[usual].sum()
-    filters, spread = np.zeros((order + 1, order + 1)), np.zeros(order + 1)
-    filters[:, 0] = 1.0
-    variance = float(covariance[0]) or 1.0
-    spread[0] = math.sqrt(variance)
-    for p in range(1, order + 1):  # Levinson's recursion: filters of every order on the way
-        longer = np.append(filters[p - 1, :p], 0.0)
-        reflection = -float(longer[:-1] @ covariance[p:0:-1]) / variance
-        filters[p, : p + 1] = longer + reflection * longer[::-1]
-        variance *= max(1.0 - reflection * reflection, 1e-6)
-        spread[p] = math.sqrt(variance)
-    return filters, spread
+    correlation = table[usual].sum(axis=0) / number[usual].sum()
+    correlation[0] = correlation[0] * (1 + _TINY) or 1.0
+    return [autoregressive(correlation, p) for p in range(lags + 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +157,7 @@ class _Whitened:
     good : ndarray of bool, shape (n,)
     louder : ndarray, shape (n,)
         Scatter near each sample where it is more than usual, else 1.
-    filter : ndarray, shape (order + 1,)
+    filter : ndarray, shape (lags + 1,)
         What makes the innovations of the residual.
     """
 
@@ -183,19 +170,19 @@ class _Whitened:
 
 
 def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _Whitened:
-    filters, spread = _colour(values, good, pieces)
-    order = spread.size - 1
+    noises = _noises(values, good, pieces)
+    lags = len(noises) - 1
     rows = np.stack([values, np.ones(values.size), np.linspace(-1, 1, values.size)])
     out = np.zeros_like(rows)
     for first, last in pieces:
         part = rows[:, first:last].copy()
         for k in np.flatnonzero(~good[first:last]).tolist():
-            p = min(k, order)  # a hole holds what its past predicts, so that it adds nothing
-            part[:, k] = -part[:, k - p : k] @ filters[p, p:0:-1]
+            p = min(k, lags)  # a hole holds what its past predicts, so that it adds nothing
+            part[:, k] = part[:, k - p : k] @ noises[p].coefficients[::-1]
         for row, into in zip(part, out[:, first:last], strict=True):
-            into[:] = np.convolve(row, filters[order])[: row.size] / spread[order]
-        for k in range(min(order, last - first)):  # the first samples have a shorter past
-            out[:, first + k] = part[:, k::-1] @ filters[k, : k + 1] / spread[k]
+            into[:] = np.convolve(row, noises[lags].filter)[: row.size]
+        for k in range(min(lags, last - first)):  # the first samples have a shorter past
+            out[:, first + k] = part[:, k::-1] @ noises[k].filter
     out[:, ~good] = 0.0
     have = np.flatnonzero(good)
     near, usual = blockwise(out[0, have], _NEAR, scatter_of_changes)
@@ -203,7 +190,7 @@ def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> 
     louder = np.where(near > _LOUDER * usual, near / usual, 1.0)
     at = np.minimum(np.searchsorted(have, np.arange(good.size)), have.size - 1)
     out /= usual
-    return _Whitened(out[0], out[1], out[2], good, louder[at], filters[order] / (spread[order] * usual))
+    return _Whitened(out[0], out[1], out[2], good, louder[at], noises[lags].filter / usual)
 
 
 # --- the likelihood ratios --------------------------------------------------------------------------------------------

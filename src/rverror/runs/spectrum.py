@@ -64,6 +64,39 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, 
     return grid, np.interp(even, unique, signal[first]).reshape(count, points)
 
 
+def even_travel(theta: Array, values: Array) -> tuple[Array, Array]:
+    """A signal at even angles over the whole turns of a run, or over its travel where that is less than a turn.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Angle in order of time, rad, of one pass or several, which are averaged.
+    values : ndarray, shape (n,)
+
+    Returns
+    -------
+    theta, values : ndarray, shape (m,)
+        Growing; m steps make the whole turns, or the travel and one step more.
+
+    Examples
+    --------
+    >>> theta = np.arange(250) * 2 * np.pi / 100
+    >>> [row.size for row in even_travel(theta, np.cos(theta))]
+    [200, 200]
+    """
+    steps, travel = np.abs(np.diff(theta)), float(np.ptp(theta))
+    step = float(np.median(steps[steps > 0]))
+    turns = math.floor((travel + 1.5 * step) / _TURN)
+    span = turns * _TURN if turns else travel + step
+    points = round(span / step)
+    nearest = np.floor((theta - theta.min()) / span * points + 0.5).astype(np.intp)
+    inside = nearest < points
+    count = np.bincount(nearest[inside], minlength=points)
+    total = np.bincount(nearest[inside], values[inside], points)
+    at = np.arange(points)
+    return theta.min() + span / points * at, np.interp(at, at[count > 0], total[count > 0] / count[count > 0])
+
+
 def harmonics(values: Array) -> Array:
     """Orthonormal cosine and sine coefficients of rows of one period, without mean and Nyquist line.
 

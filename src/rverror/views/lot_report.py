@@ -217,7 +217,8 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
     """What is not told apart, what does not show, what was looked for and not found."""
     for one in lot.processes:
         if one.alike and one.deviation is not None:
-            yield f"{process_name(one)} cannot be distinguished from {', '.join(one.alike)}: the size is that of all together."
+            others = ", ".join(one.alike)
+            yield f"{process_name(one)} cannot be distinguished from {others}: the size is that of all together."
     unseen = [process_name(one) for one in lot.processes if one.deviation is None]
     if unseen:
         yield f"These conditions do not show {', '.join(unseen)}."

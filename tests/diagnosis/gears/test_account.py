@@ -26,10 +26,10 @@ from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fit
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.spectrum import best_lines
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
+from rverror.runs.noise import RunNoise
 
 N = 600
 THETA = TURN / N * np.arange(N)

@@ -33,11 +33,11 @@ from rverror.diagnosis.gears.fit import (
 )
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.waveform import softened
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.mechanism import LAW_SPREAD, ContactLaw, Stiffness
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
+from rverror.runs.noise import RunNoise
 from rverror.statics.loaded_state import SOFTENING
 
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")

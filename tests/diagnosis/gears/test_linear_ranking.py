@@ -18,10 +18,10 @@ from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, proposed
 from rverror.diagnosis.gears.ranking import SCALES, Columns, Offer, pairs, singles
 from rverror.diagnosis.gears.score import identity
 from rverror.diagnosis.gears.waveform import Named, softened
-from rverror.diagnosis.noise import RunNoise
 from rverror.geartrain.mechanism import ContactLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
+from rverror.runs.noise import RunNoise
 
 PLAY = rverror.effect("crank.bearing_clearance", clearance="4 um", uncertainty="2 um")
 STATED = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="2 um", sin="1 um", uncertainty="1 um")

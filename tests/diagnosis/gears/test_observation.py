@@ -16,9 +16,9 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import EverySample, MeanSamples
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.waveform import Waveform
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.model.effects import Model
+from rverror.runs.noise import RunNoise
 
 #: Ratio 44.2: all but the sun stand as before after one turn of the output, the sun after five.
 ODD = replace(UNIT, sun_teeth=10, module=54 / 37)

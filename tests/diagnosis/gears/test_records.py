@@ -15,7 +15,7 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.record import Record, conditions_of, records_of
 from rverror.diagnosis.gears.residual_faults import without_residual_faults
-from rverror.diagnosis.noise import RunNoise
+from rverror.runs.noise import RunNoise
 
 MODEL = rverror.Model(UNIT)
 N = 2048

@@ -21,10 +21,10 @@ from rverror.diagnosis.gears.ranking import Columns, Offer, singles
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.score import Hypothesis, Score, bent, identity, inexact, named, strained, unsure
 from rverror.diagnosis.gears.waveform import Named
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
+from rverror.runs.noise import RunNoise
 
 ENCODER = rverror.effect("sensor.encoder_eccentricity", cos="100 arcsec", sin="-60 arcsec")
 TWICE = rverror.effect("sensor.encoder_ellipticity", cos="30 arcsec", sin="20 arcsec")

@@ -27,13 +27,13 @@ from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.gears.trial import Trial
 from rverror.diagnosis.journal import Journal
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.source import Source, around
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
+from rverror.runs.noise import RunNoise
 
 HEAD = rverror.effect("sensor.encoder_eccentricity", cos="3 arcsec", sin="-2 arcsec")
 TWICE = rverror.effect("sensor.encoder_ellipticity", cos="2 arcsec", sin="2 arcsec")

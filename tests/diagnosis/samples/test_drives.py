@@ -18,12 +18,12 @@ from rverror.app import command_line as cli
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.account import blocks
 from rverror.diagnosis.gears.spectrum import line_spectrum
-from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.samples.drives import diagnose_drive
 from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.model_file import load_model
 from rverror.model.sensor import slope
 from rverror.runs.measurement import Run, load_run
+from rverror.runs.noise import RunNoise
 
 ARCMIN = 60 * ARCSEC
 DRIVE = rverror.Model(rverror.Drive(ratio=20.0, shafts={"motor": 20.0, "idler": 7.0}))

@@ -23,7 +23,7 @@ from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
-from rverror.runs.spectrum import frames_of_order
+from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics
 from rverror.statics.loaded_state import SOFTENING
 
 _TURN = 2 * math.pi
@@ -249,31 +249,17 @@ def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, 
 
 
 def _orders(fit: Fit, at: int) -> tuple[float, ...]:
-    """Orders at which an effect changes the prediction, the strongest first."""
-    effects = fit.model.effects
-    if fit.run_set.linear:
+    """Orders at which an effect changes the prediction, the strongest first; over less than a turn its source's own."""
+    effects, record = fit.model.effects, fit.run_set.records[0]
+    if fit.run_set.linear or record.turns < 0.99:
         found = source(effects[at].key).orders(fit.run_set.unit, effects[at].indices)
         return tuple(abs(order) for order in found)
     without = evaluated(fit.run_set, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
-    record = fit.run_set.records[0]
-    wave = without.residual[0] - fit.residual[0]
-    turns = max(record.turns, 1e-9)
-    whole = math.floor(turns + 0.01)
-    if whole >= 1:
-        used = record.theta - record.theta.min() < whole * _TURN * (1 - 1e-9)
-        order = np.argsort(record.theta[used])
-        even = np.linspace(0, whole * _TURN, int(used.sum()), endpoint=False)
-        row = np.interp(even, record.theta[used][order] - record.theta.min(), wave[used][order])
-        size = np.abs(np.fft.rfft(row - row.mean())) / row.size * 2
-        names = np.arange(size.size) / whole
-    else:
-        order = np.argsort(record.theta)
-        row = (wave - wave.mean())[order] * np.hanning(wave.size)
-        size = np.abs(np.fft.rfft(row)) / row.size * 4
-        names = np.arange(size.size) / turns
-    inner = np.zeros(size.size, dtype=np.bool_)
-    inner[1:-1] = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])
-    return leading(names, np.where(inner & (size > 1e-3 * fit.run_set.policy.least_line), size, 0.0), size.max())
+    theta, change = even_travel(record.theta, without.residual[0] - fit.residual[0])
+    size = np.pad(amplitude(harmonics(change), change.size), 1)
+    orders = np.arange(1, size.size - 1) / round(theta.size * (theta[1] - theta[0]) / _TURN)
+    peaks = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > 1e-3 * fit.run_set.policy.least_line)
+    return leading(orders, np.where(peaks, size[1:-1], 0.0), size.max())
 
 
 def line_estimates(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:

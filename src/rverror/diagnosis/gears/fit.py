@@ -30,7 +30,7 @@ from rverror.diagnosis.gears.waveform import (
     soft_values,
     softened,
 )
-from rverror.diagnosis.noise import RunNoise, noise_of, walking
+from rverror.diagnosis.noise import noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
@@ -40,6 +40,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import source_matrices
 from rverror.model.effects import Effect, Model
 from rverror.model.readings import felt
+from rverror.runs.noise import RunNoise
 from rverror.runs.spectrum import frames_of_order
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
 

@@ -16,7 +16,7 @@ from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
 from rverror.diagnosis.gears.waveform import LoadCase, conditions_at
-from rverror.diagnosis.noise import RunNoise, Whitening
+from rverror.diagnosis.noise import Whitening
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Mechanism
@@ -24,6 +24,7 @@ from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
 from rverror.runs.measurement import Run
+from rverror.runs.noise import RunNoise
 from rverror.statics.loaded_state import equilibrium
 
 _LEAST_ROWS = 48  # samples of a run: the noise of fewer is not told from anything

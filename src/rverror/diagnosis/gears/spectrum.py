@@ -12,8 +12,9 @@ from rverror.base.chance import chi_square
 from rverror.base.threads import each
 from rverror.diagnosis.gears.fit import Fit
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.noise import RunNoise, walking
+from rverror.diagnosis.noise import walking
 from rverror.diagnosis.policy import Policy
+from rverror.runs.noise import RunNoise
 from rverror.runs.spectrum import highest_order
 
 #: Cycles a run by which a fitted order may miss a whole one and be told as that, and how many lines are told.

@@ -22,6 +22,7 @@ from rverror.runs.bench.text import (
     described_columns,
     found_decimal,
     is_number,
+    names_in,
     split_cells,
     trimmed,
     unit_in_name,
@@ -250,7 +251,7 @@ def described_lines(path: str, lines: Sequence[str]) -> tuple[list[str], list[En
         head += [f"skip = {first}", "# No names stand above the numbers: write column = 1, 2, ... instead of name."]
         cells = [f"column {i + 1}" for i in range(len(rows[0]))]
     else:
-        cells = trimmed(split_cells(lines[names], separator))
+        cells = names_in(lines[names], separator)
     above = [line.strip() for line in lines[: names if names >= 0 else first] if line.strip()]
     if top >= 0:
         return head, column_facts(cells, [split_cells(line, separator) for line in lines[names + 1 : first]]), above
@@ -320,13 +321,10 @@ def _described_from(lines: Sequence[str], separator: str, first: int) -> int:
 def _names_line(lines: Sequence[str], separator: str, first: int) -> int:
     """Line above the first row that names its cells, or the one above that where it holds units; -1 for none."""
     width = len(trimmed(split_cells(lines[first], separator)))
-    above = [i for i in (first - 1, first - 2) if i >= 0]
-    full = [i for i in above if len(trimmed(split_cells(lines[i], separator))) == width]
+    nearer, farther = (names_in(lines[first - n], separator) if n <= first else [] for n in (1, 2))
     # a line of units may have none for the last column
-    units = bool(above) and all(
-        len(cell.strip("[]()")) <= _LONGEST_UNIT for cell in split_cells(lines[first - 1], separator)
-    )
-    if not full or (full[0] != first - 1 and not units):
-        return -1
-    letters = {i: sum(len(cell.strip("[]()")) for cell in split_cells(lines[i], separator)) for i in above}
-    return full[-1] if units and letters[full[-1]] > letters[first - 1] else full[0]
+    units, letters = ([len(cell.strip("[]()")) for cell in cells] for cells in (nearer, farther))
+    has_units = max(units, default=0) <= _LONGEST_UNIT
+    if has_units and len(farther) == width and (len(nearer) != width or sum(letters) > sum(units)):
+        return first - 2
+    return first - 1 if len(nearer) == width else -1

@@ -333,8 +333,12 @@ def _found_names(
     if not filled:
         refuse(path, f"skip = {rules.skip}, but the file has {len(lines)} lines; correct skip in [file]")
     candidates = filled[:1] if rules.skip >= 0 else filled
+
+    def names_at(i: int) -> list[_Names]:
+        return [_Names(i, sign, tuple(names_in(lines[i], sign))) for sign in tried]
+
     for i in candidates:
-        fitting = [names for sign in tried if fits((names := _names_in(lines, i, sign)).cells)]
+        fitting = [names for names in names_at(i) if fits(names.cells)]
         # A single name holds no separator: every sign fits then, and the one that splits the line is meant.
         split = [names for names in fitting if len(names.cells) > 1] or fitting[:1]
         if len(split) > 1:
@@ -342,14 +346,19 @@ def _found_names(
             refuse(path, f"line {i + 1}: {words} both separate the column names; write separator = ... in [file]")
         if split:
             return split[0]
-    _refuse_names(path, [_names_in(lines, i, sign) for i in candidates[:1000] for sign in tried], texts or telling)
+    _refuse_names(path, [names for i in candidates[:1000] for names in names_at(i)], texts or telling)
 
 
-def _names_in(lines: Sequence[str], at: int, separator: str) -> _Names:
-    """Names in a line, without the comment sign that some programs put before them."""
-    line = lines[at]
+def names_in(line: str, separator: str) -> list[str]:
+    """Names in a line, without the comment sign that some programs put before them.
+
+    Examples
+    --------
+    >>> names_in("# Antrieb; Abtrieb;;", ";")
+    ['Antrieb', 'Abtrieb']
+    """
     bare = line.lstrip().lstrip("#%").strip(" ") if line.lstrip().startswith(("#", "%")) else line
-    return _Names(at, separator, tuple(trimmed(split_cells(bare, separator))))
+    return trimmed(split_cells(bare, separator))
 
 
 def trimmed(cells: Sequence[str]) -> list[str]:

@@ -23,7 +23,7 @@ from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.model.results import Equilibrium
 from rverror.runs.measurement import Run
-from rverror.runs.spectrum import amplitude, frames_of_order, harmonics, noise_spectrum, revolutions
+from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics, noise_spectrum, revolutions
 from rverror.views.by_order import short_frame, turns_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import (
@@ -96,31 +96,12 @@ def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
     try:
         theta, periods = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
     except ValueError:  # fewer than two periods
-        return _lines_of_travel(signal)
+        return lines_of(*even_travel(signal.theta, signal.values))
     found = lines_of(theta, periods.mean(axis=0))
     count, n = periods.shape
     # a mean of so many periods has so much less variance, and a line two coefficients
     floor = 2 * np.sqrt(noise_spectrum(periods) / (count * n))
     return replace(found, floor=floor, floor_name=f"{way(signal.direction)}: noise of the mean of {count} periods, rms")
-
-
-def _lines_of_travel(signal: Signal) -> Lines:
-    """Order spectrum of as many whole turns as there are, or of a part of one; passes over one place are averaged."""
-    angle, values = signal.theta, signal.values
-    travel = float(np.ptp(angle))
-    made = np.delete(np.abs(np.diff(angle)), signal.breaks - 1)
-    passes = max(float(made.sum()) / travel, 1.0)
-    step = travel * passes / (angle.size - 1)
-    turns = math.floor((travel + 1.5 * step) / _TURN)
-    span = turns * _TURN if turns else travel + step
-    points = round(span / step)
-    cell = np.floor((angle - angle.min()) / span * points + 0.5).astype(np.intp)
-    inside = cell < points
-    count = np.bincount(cell[inside], minlength=points)
-    total = np.bincount(cell[inside], values[inside], points)
-    at = np.arange(points)
-    mean = np.interp(at, at[count > 0], total[count > 0] / count[count > 0])
-    return lines_of(angle.min() + span / points * at, mean)
 
 
 # --- plots ------------------------------------------------------------------------------------------------------------
