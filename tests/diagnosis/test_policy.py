@@ -44,7 +44,7 @@ def test_no_threshold_of_a_verdict_hides_in_a_module() -> None:
         "_TURN", "_SLOW", "_POINTS", "_LONGEST_PERIOD", "_GRID", "_ANGLES", "_GOLDEN",
         "_MEANS", "_DEGREE", "_MARGIN", "_REPEAT_POINTS", "_TOGETHER", "_DENSER", "_TRUE",  # of the grids
         "_MOST_LAGS", "_LAGS", "_FEWER_WALKS", "_MOST_WAVES", "_LEAST_LAGS",  # of noise
-        "_TABLE", "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS", "_WALKS", "_SHOWN",
+        "_BANDS", "_LEAST_BINS", "_FAR", "_BELOW_FAR", "_ROUNDS", "_WALKS", "_SHOWN",
         "_MOST_PEAKS", "_BY_NOISE", "_FITTED", "MOST_LINES",  # of noise and lines
         "_OWN", "_MOST_OWN", "TOLD_ORDER", "_SAME", "_LEAST_ROWS",  # of what is listed
         "_RIPPLES", "_SETTLES", "_SHORT_GAP",

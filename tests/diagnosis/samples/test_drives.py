@@ -379,7 +379,7 @@ def test_planetary_actuator_says_what_would_separate_its_ratio_from_its_encoder(
     model = load_model(folder / "model.toml")
     found = diagnose_drive(model, [load_run(folder / "run.csv", model)])
     (step,) = (step for step in rverror.to_json(found)["next_measurements"] if step["name"] == "whole turn")
-    assert "over 40 deg sensor.ratio_error cannot be told from sensor.encoder_eccentricity" in step["why"]
+    assert "over 40 deg sensor.ratio_error cannot be distinguished from sensor.encoder_eccentricity" in step["why"]
     assert step["about"]["key"] == "sensor.ratio_error"
 
 

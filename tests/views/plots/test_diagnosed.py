@@ -104,7 +104,7 @@ def test_what_cannot_be_told_apart_is_marked(found: Diagnosis) -> None:
     alike, others = ax.lines
     assert list(alike.get_ydata()) == [0, 1]
     assert alike.get_markerfacecolor() != others.get_markerfacecolor() == "white"
-    assert "cannot be told" in legend(ax)[0]
+    assert "cannot be distinguished" in legend(ax)[0]
 
 
 def test_the_spectrum_reaches_what_was_found_and_names_it(found: Diagnosis) -> None:
