@@ -1,0 +1,140 @@
+"""Suspected units by their own equilibrium: members are near, gross errors are far and are told."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import TURN, UNIT
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.base.units import ARCSEC
+from rverror.lots.amplitudes import Amplitudes, Condition
+from rverror.lots.differences import RIVAL
+from rverror.lots.own_equilibrium import OwnEquilibrium, Prior, nearest
+from rverror.lots.processes import UnitParts, processes_of
+from rverror.lots.simulated import COMPLIANCES, Simulator, Solved, State
+from rverror.model.effects import Model
+
+CAM, BORE, PIN = "crank.eccentricity", "cycloid.disc_bore_position", "cycloid.pin_position"
+DEVIATION = {CAM: 2e-3, BORE: 2e-3, PIN: 2e-3}
+AMPLITUDES = 60
+SEED = 4
+
+
+def test_of_linear_units_the_distance_is_that_of_their_covariance() -> None:
+    """The truth is that of generalised least squares: y' (1 + S S')^-1 y."""
+    rng = np.random.default_rng(0)
+    influence, middle, values = (
+        rng.standard_normal((30, 12)) * 20,
+        rng.standard_normal(30),
+        rng.standard_normal(12) * 50,
+    )
+    spread = np.exp(rng.standard_normal(30))
+    slopes = (influence * spread[:, None]).T
+    away = values - middle @ influence
+    expected = away @ np.linalg.solve(np.eye(12) + slopes @ slopes.T, away)
+
+    def solve(errors: Array) -> Solved:
+        return Solved(errors @ influence, influence)
+
+    found = nearest(solve, values, Prior(middle, spread), rng.standard_normal(30))
+    assert found is not None
+    assert found.distance == pytest.approx(expected, rel=1e-6)
+    assert nearest(lambda errors: None, values, Prior(middle, spread), np.zeros(30)) is None
+
+
+@cache
+def lot_at_light_load() -> OwnEquilibrium:
+    """At 20 N*m most pins of such units carry nothing."""
+    theta = TURN * np.arange(128) / 128
+    run = rverror.run_from_arrays(
+        input_angle=UNIT.ratio * theta, output_angle=theta, direction="forward", torque="20 N*m"
+    )
+    tolerances = [rverror.tolerance(key, "10 um") for key in DEVIATION]
+    parts = UnitParts(processes_of(Model(UNIT), run, tolerances))
+    orders = np.array([1, 2, 3, 13, 14, 15, 16, 17, 18, 19, 30, 31, 32, 33, 48])
+    conditions = tuple(Condition(way, 20e3) for way in (1.0, -1.0))
+    lot = Amplitudes(
+        (), {}, conditions, orders, np.zeros((0, AMPLITUDES)), np.full(AMPLITUDES, (0.05 * ARCSEC) ** 2), 128
+    )
+    state = State(np.array([DEVIATION[process.key] for process in parts.processes]), np.zeros(COMPLIANCES))
+    simulator = Simulator(Model(UNIT), parts, lot)
+    return OwnEquilibrium(simulator, state, np.zeros((COMPLIANCES, COMPLIANCES)), seed=1)
+
+
+def spread() -> Array:
+    own = lot_at_light_load()
+    return own.state.deviation[own.simulator.parts.process]
+
+
+def drawn(count: int) -> tuple[Array, Array]:
+    """Part errors of members, and the noise of their amplitudes, of unit variance."""
+    rng = np.random.default_rng(SEED)
+    return spread() * rng.standard_normal((count, len(spread()))), rng.standard_normal((count, AMPLITUDES))
+
+
+def measured(errors: Array, noise: Array, compliance: float = 0.0) -> Array:
+    simulator = lot_at_light_load().simulator
+    return simulator.values(State(np.ones(len(DEVIATION)), np.full(COMPLIANCES, compliance)), errors) + noise
+
+
+def test_members_are_no_farther_than_they_are_made() -> None:
+    """A unit's own errors and noise are one unit that has its amplitudes: of some starts one comes as near."""
+    own, (errors, noise) = lot_at_light_load(), drawn(4)
+    solve = own.simulator.linearised_at(own.state, own.root)
+    starts = np.random.default_rng(1).standard_normal((6, len(spread()) + COMPLIANCES))
+    usual = Prior(np.zeros(starts.shape[1]), np.concatenate([spread(), np.ones(COMPLIANCES)]))
+    values = measured(errors, noise)
+    made = np.sum((errors / spread()) ** 2, axis=1) + np.sum(noise**2, axis=1)
+    for unit, most in zip(values, made, strict=True):
+        assert min(one.distance for one in (nearest(solve, unit, usual, start) for start in starts) if one) < most
+    assert np.all(own.distances(values, np.zeros_like(errors), made.max()) < made.max())
+
+
+@pytest.mark.parametrize("key", [CAM, BORE])
+def test_a_gross_error_is_told_though_contacts_open(key: str) -> None:
+    """It or its mirror image, which no run tells from it; no part of another kind is nearly as likely."""
+    own, (errors, noise) = lot_at_light_load(), drawn(1)
+    parts, truth = own.simulator.parts, (0.04, -0.03)
+    effect = next(number for number, one in enumerate(parts.effects) if one.key == key)
+    errors[:, parts.effect == effect] = truth
+    found = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())))
+    assert found[0].gain > 2 * np.log(200 / 0.005)
+    near = {one.effect: one for one in found if one.gain > found[0].gain - RIVAL}
+    mirror = {name: 1 - int(at) for name, at in parts.effects[effect].indices.items()}
+    assert parts.effects[found[0].effect].indices in (parts.effects[effect].indices, mirror)
+    assert {parts.effects[one].key for one in near} == {key}
+    assert np.all(abs(found[0].sizes - truth) < 4 * found[0].errors)
+
+
+def test_a_member_has_no_gross_error_that_a_lot_would_name() -> None:
+    own, (errors, noise) = lot_at_light_load(), drawn(2)
+    for unit in measured(errors, noise):
+        found = own.gross_errors(unit, np.zeros(len(spread())))
+        assert not found or found[0].gain < 2 * np.log(200 / 0.005)
+
+
+def test_the_means_of_a_unit_are_where_its_group_has_them() -> None:
+    own, (errors, noise) = lot_at_light_load(), drawn(1)
+    shift = np.where(own.simulator.parts.effect == 0, 0.05, 0.0)  # one cam's
+    values, far = measured(errors + shift, noise), chi_square(1e-6, AMPLITUDES)
+    assert own.distances(values, shift[None], 0.0)[0] < chi_square(0.01, AMPLITUDES)
+    assert own.distances(values, 0 * shift[None], 0.0)[0] > far
+
+
+def test_stiffnesses_are_uncertain_to_first_order() -> None:
+    """A unit whose compliances are 1 % and 2 % larger is that of a state that has them."""
+    own, (errors, _) = lot_at_light_load(), drawn(1)
+    compliance = np.array([0.01, 0.02, 0.0, 0.01, 0.0, 0.02])
+    root = np.diag(compliance)
+    solve, bare = (own.simulator.linearised_at(own.state, some) for some in (root, 0 * root))
+    both = np.concatenate([errors[0], np.ones(COMPLIANCES)])
+    near, away, softer = solve(both), bare(both), own.simulator.values(State(np.ones(3), compliance), errors)
+    assert near is not None
+    assert away is not None
+    assert np.linalg.norm(near.values - softer[0]) < 0.1 * np.linalg.norm(away.values - softer[0])
+    assert near.influence[-COMPLIANCES:].sum(axis=0) == pytest.approx(near.values - away.values)
