@@ -16,7 +16,7 @@ from rverror.lots.amplitudes import Amplitudes, Condition
 from rverror.lots.differences import RIVAL
 from rverror.lots.own_equilibrium import OwnEquilibrium, Prior, nearest
 from rverror.lots.processes import UnitParts, processes_of
-from rverror.lots.simulated import COMPLIANCES, Simulator, Solved, State
+from rverror.lots.simulated import COMPLIANCES, Simulator, SolvedUnit, State
 from rverror.model.effects import Model
 
 CAM, BORE, PIN = "crank.eccentricity", "cycloid.disc_bore_position", "cycloid.pin_position"
@@ -38,8 +38,8 @@ def test_of_linear_units_the_distance_is_that_of_their_covariance() -> None:
     away = values - middle @ influence
     expected = away @ np.linalg.solve(np.eye(12) + slopes @ slopes.T, away)
 
-    def solve(errors: Array) -> Solved:
-        return Solved(errors @ influence, influence)
+    def solve(errors: Array) -> SolvedUnit:
+        return SolvedUnit(errors @ influence, influence)
 
     found = nearest(solve, values, Prior(middle, spread), rng.standard_normal(30))
     assert found is not None

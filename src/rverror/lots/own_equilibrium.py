@@ -17,7 +17,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.lots.moments import LotEstimate
-from rverror.lots.simulated import COMPLIANCES, Simulator, Solved, State
+from rverror.lots.simulated import COMPLIANCES, Simulator, SolvedUnit, State
 
 _LEADING, _FURTHER = 7, 2  # parts of either list that are tried; and those that are fitted from all starts
 _STARTS = 6  # where a start leads to a minimum that is no member in 1 of 20, all of them do in one of 6e7
@@ -25,7 +25,7 @@ _STEPS, _LAST = 5, 20  # at each variance of the noise, and at the last, its own
 _FALL = 0.01  # share of the squares, or squares, by which a step has to lower them
 _DAMPING = 1e4  # from which on a step leads nowhere
 
-Solve = Callable[[Array], Solved | None]
+Solve = Callable[[Array], SolvedUnit | None]
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class NearestUnit:
         Of its part errors about their means, standard deviations.
     left : ndarray, shape (d,)
         Of the amplitudes, in which noise has unit variance.
-    solved : Solved
+    solved : SolvedUnit
     """
 
     sizes: Array
     left: Array
-    solved: Solved
+    solved: SolvedUnit
 
     @property
     def distance(self) -> float:

@@ -41,7 +41,7 @@ class State:
     compliance: Array
 
 
-class Solved(NamedTuple):
+class SolvedUnit(NamedTuple):
     """A unit, whitened, and how it changes."""
 
     values: Array  # (d,)
@@ -50,7 +50,7 @@ class Solved(NamedTuple):
 
 @dataclass(frozen=True)
 class Draws:
-    """Solved units of a state, whitened: divided by the root of the noise's variance.
+    """SolvedUnit units of a state, whitened: divided by the root of the noise's variance.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ class Simulator:
         """
         return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))
 
-    def linearised_at(self, state: State, root: Array) -> Callable[[Array], Solved | None]:
+    def linearised_at(self, state: State, root: Array) -> Callable[[Array], SolvedUnit | None]:
         """What solves units of the state with errors given, and stiffnesses that are a little off, to first order.
 
         Parameters
@@ -217,13 +217,13 @@ class Simulator:
         """
         turns, count = self._loaded(state.compliance), len(self.parts.process)
 
-        def solve(errors: Array) -> Solved | None:
+        def solve(errors: Array) -> SolvedUnit | None:
             try:
                 values, influence, by_softening = self._solved(turns, np.maximum(errors[:count], self.parts.least))
             except NotConvergedError:
                 return None
             softer = root.T @ by_softening[:COMPLIANCES]
-            return Solved(values + errors[count:] @ softer, np.concatenate([influence, softer]))
+            return SolvedUnit(values + errors[count:] @ softer, np.concatenate([influence, softer]))
 
         return solve
 
