@@ -226,10 +226,7 @@ class OwnEquilibrium:
         if not nearly:
             return ()
         member = min(nearly, key=lambda one: one.distance)
-        priors = {
-            effect: replace(usual, spread=np.where(self._effect == effect, self._gross, self._spread))
-            for effect in self._leading(member, usual)
-        }
+        priors = {effect: self._prior(usual, effect) for effect in self._leading(member, usual)}
         found = {
             effect: self._fits(values, prior, [member.sizes * self._spread / prior.spread])
             for effect, prior in priors.items()
@@ -240,6 +237,14 @@ class OwnEquilibrium:
 
         for effect in sorted(found, key=score)[:_FURTHER]:
             found[effect] += self._fits(values, priors[effect], self._starts)
+        leader = min(found, key=score)
+        if not found[leader]:
+            return ()
+        best_of = min(found[leader], key=lambda one: _score(one, priors[leader]))
+        for effect in self._alike(leader):  # no fit goes from a part to another that does nearly the same
+            prior = priors.setdefault(effect, self._prior(usual, effect))
+            starts = self._moved(best_of, priors[leader], leader, prior, effect)
+            found[effect] = found.get(effect, []) + self._fits(values, prior, starts)
         ranked = sorted((effect for effect in found if found[effect]), key=score)
         best = {effect: min(found[effect], key=lambda one: _score(one, priors[effect])) for effect in ranked}
         # a member may be near where a gross error has led
@@ -279,6 +284,25 @@ class OwnEquilibrium:
 
     def _middle(self, middle: Array) -> Array:
         return np.concatenate([middle, np.zeros(COMPLIANCES)])
+
+    def _prior(self, usual: Prior, effect: int) -> Prior:
+        """A member's with a gross error."""
+        return replace(usual, spread=np.where(self._effect == effect, self._gross, self._spread))
+
+    def _alike(self, effect: int) -> list[int]:
+        """Other parts of a kind of which a unit has few."""
+        parts = self.simulator.parts
+        process = parts.process[parts.effect == effect][0]
+        others = np.unique(parts.effect[parts.process == process])
+        return [other for other in others.tolist() if other != effect] if len(others) <= _LEADING else []
+
+    def _moved(self, one: NearestUnit, prior: Prior, at: int, other: Prior, to: int) -> list[Array]:
+        """Sizes of a unit whose gross error is another part's, of either sign."""
+        error = one.sizes[self._effect == at]
+        bare = np.where(np.isin(self._effect, (at, to)), 0.0, one.sizes * prior.spread / other.spread)
+        moved = np.array([bare, bare])
+        moved[:, self._effect == to] = error, -error
+        return list(moved)
 
     def _cost(self, effect: int) -> float:
         """Minus twice the logarithm of a part's chance: all kinds are alike, and the parts of a kind."""
