@@ -232,7 +232,9 @@ def report_operations(torque: str, clearance: str) -> None:
         print(Counted.done / len(solution.x), solution.steps.mean())
 
     theta = np.linspace(0, 2 * np.pi, 7)
-    predictor = Predictor(rverror.reducer("RV-40E"), rverror.geartrain.Conditions(theta, 1.0, float(torque) * 1e3))
+    predictor = Predictor(
+        rverror.reducer("RV-40E"), rverror.geartrain.OperatingConditions(theta, 1.0, float(torque) * 1e3)
+    )
     model = model_of(rverror.reducer("RV-40E"), float(clearance))
     near = predictor.predict(model)
     kernel.solve = counting
@@ -265,7 +267,7 @@ def lot() -> float:
     )
     places = [(key, indices) for key in keys for indices in rverror.CATALOGUE[key].candidates(unit)]
     theta = 2 * np.pi * np.arange(LOT_ANGLES) / LOT_ANGLES
-    both = rverror.geartrain.Conditions(np.tile(theta, 2), np.repeat([1.0, -1.0], LOT_ANGLES), 412e3)
+    both = rverror.geartrain.OperatingConditions(np.tile(theta, 2), np.repeat([1.0, -1.0], LOT_ANGLES), 412e3)
     statics, rng = statics_of(unit, both), np.random.default_rng(1)
     start = perf_counter()
     for _ in range(LOT):
@@ -341,7 +343,7 @@ def main() -> None:
             print(f"{torque:g} N*m, {clearance:g} um of clearance in cam and carrier bearings")
             steps = f"{state.steps.mean():.1f} Newton steps, at most {state.steps.max()}"
             print(f"  {'rverror.equilibrium':36s}{time:10.1f} us an angle, aim {AIMS[clearance]:g}; {steps}")
-            predictor = Predictor(unit, rverror.geartrain.Conditions(theta, 1.0, load))
+            predictor = Predictor(unit, rverror.geartrain.OperatingConditions(theta, 1.0, load))
             near, next_one = predictor.predict(model), moved(model)
             warm = best(lambda p=predictor, m=next_one, n=near: p.predict(m, n)) / ANGLES * 1e6
             print(f"  {'a prediction with all derivatives':36s}{warm:10.1f} us an angle, aim {AIMS[clearance]:g}")

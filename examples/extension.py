@@ -160,4 +160,4 @@ with rverror.model.extended(entry):
 
 # %% [markdown]
 # Both ways take the line off at the load at which it was measured.  The empirical order goes wrong at the rated torque,
-# where the reducer is stiffer; the written effect foretells it, and its size can be held against the motor's.
+# where the reducer is stiffer; the written effect predicts it, and its size can be held against the motor's.

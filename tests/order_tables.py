@@ -11,7 +11,7 @@ import rverror
 from gear_runs import TURN
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition
 from rverror.statics.prediction import predict
@@ -27,7 +27,7 @@ HEAD = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec", sin="-9 ar
 def waves_of(model: Model, direction: float, torque: float, orders: Array = ORDERS) -> Array:
     """Waves of a prediction over one turn by Fourier's sums: the orders are whole."""
     theta = TURN * np.arange(2048) / 2048
-    error = predict(model, Conditions(theta, direction, torque)).transmission_error
+    error = predict(model, OperatingConditions(theta, direction, torque)).transmission_error
     return np.asarray([2 * np.mean(error * np.exp(-1j * order * theta)) for order in orders])
 
 

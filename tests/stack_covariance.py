@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from rverror.tolerances.blocks import Block
+from rverror.tolerances.sampling_rule import SamplingRule
 from rverror.tolerances.stacking import Stack
 
 
-def of_block(block: Block) -> np.ndarray:
+def of_rule(rule: SamplingRule) -> np.ndarray:
     """Shape (instances * terms, instances * terms).
 
     Random phases leave the variance of a component, for it is half the mean square length.
     """
-    same = np.equal.outer(block.alike, block.alike)
-    among = (1 - block.remaining_correlation) * np.eye(block.instances) + block.remaining_correlation * same
-    return block.distribution.variance * np.kron(among, np.eye(block.terms))
+    same = np.equal.outer(rule.alike, rule.alike)
+    among = (1 - rule.remaining_correlation) * np.eye(rule.instances) + rule.remaining_correlation * same
+    return rule.distribution.variance * np.kron(among, np.eye(rule.terms))
 
 
 def of_stack(stack: Stack) -> np.ndarray:
     """Shape (m, m)."""
     matrix = np.zeros((stack.influence.shape[0],) * 2)
-    for block in stack.blocks:
-        matrix[block.components, block.components] = of_block(block)
+    for rule in stack.rules:
+        matrix[rule.components, rule.components] = of_rule(rule)
     return matrix if stack.dependence is None else matrix + stack.dependence.between

@@ -21,7 +21,7 @@ from rverror.geartrain.mechanism import Drive, Reducer, reducer
 from rverror.geartrain.source import IndexValue, Parameter, Source
 from rverror.model.compose import source_matrix
 from rverror.views.html import escaped
-from rverror.views.plots.mechanism_view import Places, places
+from rverror.views.plots.mechanism_view import PartPositions, part_positions
 
 _SIZE = 300  # px, width and height of a sketch
 _WIDTH = 340  # px, of an influence plot: a phone's
@@ -171,7 +171,7 @@ def _sketch(entry: Source, indices: Mapping[str, IndexValue], *, title: str) -> 
         return f'{head} viewBox="-100 -100 200 200">{_shaft()}</svg>'
     motion = pose(mechanism, [_ANGLE])
     assert isinstance(motion, Contacts)
-    where = places(motion)
+    where = part_positions(motion)
     parts = _OUTLINES[entry.frame](indices, mechanism, where) if entry.frame in _OUTLINES else []
     for vector in _vectors(entry, indices):
         parts += _marks(vector, mechanism, where)
@@ -190,7 +190,7 @@ def _mechanism(unit: Reducer) -> str:
     """All parts, drawn to size; radii of cams and housing are for sight only."""
     motion = pose(unit, [_ANGLE])
     assert isinstance(motion, Contacts)
-    where = places(motion)
+    where = part_positions(motion)
     parts = [_circle(_CENTRE, _dial(unit), "dial"), _circle(_CENTRE, _housing(unit), "housing")]
     parts += [_circle(pin, unit.pin_radius, "pin") for pin in where.pins]
     parts += [_curve(outline, f"disc disc{k}") for k, outline in enumerate(where.outline)]
@@ -206,13 +206,13 @@ def _chosen(indices: Mapping[str, IndexValue], name: str, points: Array) -> Arra
     return points[[int(indices[name])]] if name in indices else points
 
 
-def _hot_cams(indices: Mapping[str, IndexValue], unit: Reducer, where: Places) -> list[str]:
+def _hot_cams(indices: Mapping[str, IndexValue], unit: Reducer, where: PartPositions) -> list[str]:
     cams = _chosen(indices, "disc", where.contact["cam"]) if "disc" in indices else where.cranks[None]
     return [_circle(cam, _cam(unit), "hot") for row in cams for cam in _chosen(indices, "crank", row)]
 
 
 #: Outline of the part in which an error is fixed, by frame.
-_OUTLINES: Mapping[str, Callable[[Mapping[str, IndexValue], Reducer, Places], list[str]]] = {
+_OUTLINES: Mapping[str, Callable[[Mapping[str, IndexValue], Reducer, PartPositions], list[str]]] = {
     "housing": lambda _, unit, where: [_circle(_CENTRE, _housing(unit), "hot")],
     "disc": lambda indices, unit, where: [_curve(line, "hot") for line in _chosen(indices, "disc", where.outline)],
     "carrier": lambda _, unit, where: [_circle(_CENTRE, unit.crank_radius, "hot")],
@@ -225,7 +225,7 @@ _OUTLINES: Mapping[str, Callable[[Mapping[str, IndexValue], Reducer, Places], li
 }
 
 
-def _marks(vector: ErrorVector | Clearance | Compliance, unit: Reducer, where: Places) -> Iterator[str]:
+def _marks(vector: ErrorVector | Clearance | Compliance, unit: Reducer, where: PartPositions) -> Iterator[str]:
     """Arrows, turns or gaps at the contacts that a vector touches."""
     if isinstance(vector, Clearance):
         for point in where.contact[vector.contact].reshape(-1, 2):

@@ -27,7 +27,7 @@ from rverror.dynamics.train import Train
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.feedback import feedback_factor
-from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders
+from rverror.geartrain.kinematics import OperatingConditions, frame_orders, fundamental_orders
 from rverror.geartrain.mechanism import BearingPreload, Friction, Reducer, Stiffness, reducer
 from rverror.model.compose import influence, transmission_error
 from rverror.model.effects import Effect, Model, effect
@@ -462,7 +462,7 @@ def second_order(*, draw: int = 0, step: float = 0.5) -> tuple[tuple[float, floa
         way[first:last] = sizes[first:last]
     found = []
     for torque in (LIGHT, RATED):
-        predictor = Predictor(unit, Conditions(_theta(ANGLES), 1.0, torque))
+        predictor = Predictor(unit, OperatingConditions(_theta(ANGLES), 1.0, torque))
 
         def at(values: Array, predictor: Predictor = predictor) -> Prediction:
             left = list(values)

@@ -202,7 +202,7 @@ for name, widths in cases.items():
     print(f"{name:28} 95 % of the units stay below {p95[name]:.1f} arcsec")
 
 # %% [markdown]
-# These budgets are of the closed form, in which every pin carries. The lot itself foretells its next units at the
+# These budgets are of the closed form, in which every pin carries. The lot itself predicts its next units at the
 # load, contacts that open included, and puts them beside those that were measured:
 
 # %%

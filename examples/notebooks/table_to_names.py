@@ -200,7 +200,7 @@ ax.legend()
 figure
 
 # %% [markdown]
-# Every order falls to the noise or near it, order 7 among them: a description foretells as well as a name does, as long
+# Every order falls to the noise or near it, order 7 among them: a description predicts as well as a name does, as long
 # as the conditions are like those that it was read from. What it cannot do is say which part to change.
 #
 # ## What stays unexplained

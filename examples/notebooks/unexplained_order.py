@@ -175,14 +175,16 @@ with rverror.model.extended(entry):
         print(f"{name:16} leaves {abs(mean):.2f} +- {half:.2f} arcsec of order 36 at 412 N*m")
 
 # %% [markdown]
-# The picture has the height of the line over the load: as measured, and as the two ways foretell it from the runs at
+# The picture has the height of the line over the load: as measured, and as the two ways predict it from the runs at
 # 20 N m.
 
 # %%
 torques = np.array([20, 50, 120, 250, 412])  # N*m
 with rverror.model.extended(entry):
     motor = rverror.Model(unit, explained.model.effects[-1:])
-    foretold = [np.ptp(rverror.transmission_error(motor, turn, torque=1e3 * torque)) / 2 / ARCSEC for torque in torques]
+    predicted = [
+        np.ptp(rverror.transmission_error(motor, turn, torque=1e3 * torque)) / 2 / ARCSEC for torque in torques
+    ]
 figure, (ax,) = rverror.views.new_figure(width=7.0, height=3.6)
 measured = [run.torque / 1e3 for run in (*runs, rated)]
 ax.errorbar(
@@ -195,11 +197,11 @@ ax.errorbar(
     label="in the runs, 95 %",
 )
 ax.plot(torques, np.full(torques.size, np.hypot(cos, sin)), label="empirical order", **rverror.views.line_style(1))
-ax.plot(torques, foretold, label="cogging torque times compliance", **rverror.views.line_style(0))
+ax.plot(torques, predicted, label="cogging torque times compliance", **rverror.views.line_style(0))
 ax.set(
     xlabel="output torque, N*m",
     ylabel="height of order 36, arcsec",
-    title="foretold from 20 N*m, SIMULATED",
+    title="predicted from 20 N*m, SIMULATED",
     ylim=(3.8, 4.2),
 )
 ax.legend(frameon=False)

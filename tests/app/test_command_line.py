@@ -37,7 +37,7 @@ from rverror import (
     transmission_error,
 )
 from rverror.app import command_line as cli, diagnosis_commands, model_commands
-from rverror.app.terminal import Progress
+from rverror.app.terminal import ProgressLine
 from rverror.base.spreadsheet import table_rows
 from rverror.base.units import ARCSEC, DISPLAY_UNITS
 from rverror.diagnosis.policy import POLICY
@@ -869,7 +869,7 @@ def test_progress_is_told_only_once_it_takes_long(
 ) -> None:
     clock = [100.0]
     monkeypatch.setattr("rverror.app.terminal.time.monotonic", lambda: clock[0])
-    with Progress() as progress:
+    with ProgressLine() as progress:
         for now, text in ((101.0, "early"), (102.5, "first"), (103.0, "too soon"), (105.0, "second")):
             clock[0] = now
             progress(text)

@@ -46,7 +46,7 @@ def test_a_table_and_results_with_a_run_that_no_fit_saw(
     assert told["table"]["expected_rms_arcsec"] >= told["after"]["heldout_rms_arcsec"]
     out = capsys.readouterr().out
     assert "no reverse run: nothing is corrected in that direction" in out
-    assert "a zero that slips by 1 deg" in out
+    assert "If the zero is off by 1 deg" in out
     page = Path("o.html").read_text()
     assert "<h2>Measurements that no fit saw</h2>" in page
     assert "<svg" in page

@@ -116,7 +116,7 @@ def test_runs_are_compressed_and_told_of_later(
         (["lot", "--tolerances", "none.toml"], "none.toml: there is no such file"),
         (["lot", "--save", "none/made.toml"], "there is no folder"),
         (["lot", "--jobs", "0"], "--jobs: 0 is below 1; give 1 or more"),
-        (["lot", "--compress", "a.jsonl", "--csv", "a.csv"], "--compress: it tells of no process"),
+        (["lot", "--compress", "a.jsonl", "--csv", "a.csv"], "--compress estimates no process"),
         (["lot", "--compress", "lot/u1/a.jsonl"], "it would lie in the folder of unit u1"),
         (["lot", "--compress", "model.toml"], "model.toml: this output is also an input"),
         (["lot", "lot"], "lot: 3 serials (u1, u2, u10) that lot has too"),

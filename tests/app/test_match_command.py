@@ -44,8 +44,8 @@ def test_from_tables_to_the_list(folder, capsys):
     words = ["match", "cranks.csv", "housings.csv", "--model", "unit.toml", *AT, "--cost", "matching=2.5"]
     assert main([*words, "--json", "m.json", "--html", "m.html", "--save", "units.csv"]) == 0
     told = capsys.readouterr().out
-    assert "3 of 3 units that the parts allow meet the limits" in told
-    assert "housing, 1 stay" in told
+    assert "3 of 3 possible units meet the limits" in told
+    assert "housing, 1 left over" in told
     data = json.loads((folder / "m.json").read_text())
     assert (data["result"], data["possible"], data["bound"]) == ("Matched", 3, 3)
     assert {serial for unit in data["units"] for serial in unit["parts"].values()} >= {f"C{n}" for n in range(6)}

@@ -171,7 +171,7 @@ def test_a_wave_of_nothing_but_noise_is_not_told() -> None:
     told = 0
     for seed in range(100):
         found = one(table(lambda *_: 0.0, noise=1e-6, seed=seed))
-        told += sum(law.constant.told + law.slope.told for law in found.laws if law.slope is not None)
+        told += sum(law.constant.significant + law.slope.significant for law in found.laws if law.slope is not None)
     assert told <= 400 * 0.05 + 4 * math.sqrt(400 * 0.05 * 0.95)
 
 
@@ -189,7 +189,7 @@ def test_below_three_torques_only_constants_are_told() -> None:
 def test_one_case_tells_an_amplitude_and_no_interval() -> None:
     found = one(table(lambda *_: 3e-6, directions=(1.0,), torques=(0.0,)))
     assert (found.amplitude, found.low, found.high) == (pytest.approx(3e-6), 0.0, math.inf)
-    assert not found.laws[0].constant.told
+    assert not found.laws[0].constant.significant
     with_noise = one(table(lambda *_: 3e-6, directions=(1.0,), torques=(0.0,), sigma=1e-7))
     assert with_noise.laws[0].constant.low == pytest.approx(3e-6 - math.sqrt(-2 * math.log(0.05)) * 1e-7)
 
@@ -394,7 +394,7 @@ def test_cases_without_conditions_give_constants() -> None:
     ]
     found = one(cases)
     assert found.laws[0].not_told == ("load is not told: no case holds a torque",)
-    assert found.laws[0].constant.told
+    assert found.laws[0].constant.significant
 
 
 def test_weights_follow_sigma() -> None:

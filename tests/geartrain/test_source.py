@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 import rverror
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 
 ENCODER = rverror.CATALOGUE["sensor.encoder_eccentricity"]
-HERE = Conditions(theta=[0.0], direction=1.0)  # type: ignore[arg-type]
+HERE = OperatingConditions(theta=[0.0], direction=1.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

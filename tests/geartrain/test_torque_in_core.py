@@ -12,7 +12,7 @@ from hypothesis import given, strategies as st
 
 import rverror
 from rverror.base.units import InCore, to_core
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Drive, core_torque, doubt_torque
 
 UNIT = rverror.reducer("RV-40E")
@@ -95,7 +95,7 @@ def test_small_torques_that_are_computed_are_not_doubted() -> None:
     """A percentage of the rated torque; conditions of a run, whose file has units."""
     assert told(lambda: rverror.lost_motion(PLAIN, THETA, percent=0.1)) == []
     assert told(lambda: rverror.statics.torsional_stiffness(PLAIN, THETA, low=0.1, high=0.2)) == []
-    assert told(lambda: rverror.equilibrium(PLAIN, Conditions(np.zeros(1), 1.0, 412.0))) == []
+    assert told(lambda: rverror.equilibrium(PLAIN, OperatingConditions(np.zeros(1), 1.0, 412.0))) == []
 
 
 def test_a_number_in_core_is_the_number() -> None:

@@ -15,7 +15,7 @@ import rverror
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
 from rverror.life.growth import AtLoad, Course, GrowthSearch, Term
-from rverror.life.over_life import told
+from rverror.life.over_life import changes_found
 from rverror.life.result import Changed
 from rverror.life.unit_state import UnitState
 
@@ -61,7 +61,7 @@ def search(values: Array, answer: Callable[[Array], Array] = linear) -> GrowthSe
 
 
 def found_in(of: GrowthSearch) -> tuple[Changed, ...]:
-    return told(of, of.found())
+    return changes_found(of, of.found())
 
 
 def component(key: str, name: str = "", **indices: int) -> int:
@@ -139,7 +139,7 @@ def test_parts_that_do_the_same_are_rivals() -> None:
 
     values = (grown(twin[0], AT / 640, 4 * UM) @ influence.T) + noise(6)
     of = GrowthSearch(cast(UnitState, Twins(values, lambda changes: changes @ influence.T)))
-    (found,) = told(of, of.found())
+    (found,) = changes_found(of, of.found())
     named = {dict(found.indices)["disc"], *(dict(indices)["disc"] for _, indices in found.rivals)}
     assert named == {0, 1}
 
@@ -162,7 +162,7 @@ def test_what_is_alike_to_the_first_order_is_a_rival_whatever_it_does_at_the_loa
 
     values = answer(grown(CAM, AT / 640, 8 * UM)) + noise(6)
     of = GrowthSearch(cast(UnitState, Twins(values, answer)))
-    (found,) = told(of, of.found())
+    (found,) = changes_found(of, of.found())
     assert found.key == "crank.eccentricity"
     assert ("involute.planet_eccentricity" in [key for key, _ in found.rivals]) == listed
 

@@ -230,6 +230,17 @@ def test_a_time_beyond_what_was_measured_says_so() -> None:
         left = Remaining("transmission_error", 90 * ARCSEC, 30 * ARCSEC, Interval(2 * low, low, 67579.4))
         trend = Trend("a unit", "hour", np.array([0.0, 30.0, 100.0]), (), (), left, empty, empty, empty)
         sentences.append(remaining_words(trend))
-    assert "some 800 hours" in sentences[0]
-    assert sentences[0].endswith("(95 %: 400 to 67600); that is 4 times as long as was measured, or more")
-    assert sentences[1].endswith("(95 %: 40 to 67600)")
+    assert "about 800 hours after the last session (95 % interval: 400 to 67600)." in sentences[0]
+    assert sentences[0].endswith("That is at least 4 times the time measured so far.")
+    assert sentences[1].endswith("(95 % interval: 40 to 67600).")
+
+
+def test_an_open_end_of_the_time_that_remains_is_said_in_words() -> None:
+    empty = np.empty((3, 0))
+    for value, words in (
+        (800.0, "about 800 hours after the last session (95 % interval: 400 or more)."),
+        (np.inf, "at the earliest 400 hours after the last session (95 %)."),
+    ):
+        left = Remaining("lost_motion", 90 * ARCSEC, 30 * ARCSEC, Interval(value, 400.0, np.inf))
+        trend = Trend("a unit", "hour", np.array([0.0, 500.0]), (), (), left, empty, empty, empty)
+        assert remaining_words(trend) == f"Lost motion: 30 arcsec now, limit 90 arcsec. It is reached {words}"

@@ -36,7 +36,7 @@ def test_the_text_says_who_makes_what() -> None:
     told = to_text(lot())
     assert told.splitlines()[0].endswith(", 40 units")
     assert row(told, "conditions ") == "conditions forward at 20 N*m; reverse at 20 N*m"
-    assert "The processes describe the lot (chance 0.25)" in told
+    assert "The processes account for the lot (p = 0.25)." in told
     assert re.search(r"^crank.eccentricity +2 +1.6 to 2.6 +um +yes +75 +1.25 +1.125 +30$", told, re.M)
     assert row(told, "crank.index ") == "crank.index 4 3.2 to 5.2 arcsec yes 20 – – 50"
     assert row(told, "cycloid.pin_position radial") == "cycloid.pin_position radial 1 0.8 to 1.3 um no 0 – – –"

@@ -98,7 +98,7 @@ def test_the_list_says_which_class_in_which_groove(found):
         )
         assert {str(e).partition(" of ")[0] for e in rebuilt.effects} == {str(e) for e in unit.model.effects}
     assert used + Counter(found.left["roller"]) == {"A": 30, "B": 41, "C": 30}
-    assert "roller, 5 stay" in rverror.to_text(found)
+    assert "roller, 5 left over" in rverror.to_text(found)
 
 
 def test_classes_by_groove_are_worth_it(found):

@@ -74,8 +74,8 @@ def test_the_yield_that_is_told_is_counted():
     assert np.corrcoef(counted, chances)[0, 1] > 0.8
     assert found.share == pytest.approx(chances.sum() / 6)
     told = rverror.to_text(found)
-    assert "As the sizes are uncertain" in told
-    assert "chance" in told
+    assert "With the uncertainty of the sizes" in told
+    assert "probability, %" in told
 
 
 def test_uncertainty_of_a_mounted_part_is_that_of_drawn_ones():

@@ -23,7 +23,7 @@ from rverror.base.arrays import cross, dot, radial_and_tangential
 from rverror.geartrain import Stiffness
 from rverror.geartrain.action_line import Clearance, Compliance, ContactForces, Contacts, ErrorVector
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.compose import source_matrix
 from rverror.statics import Linearisation
 from rverror.statics.prediction import predict
@@ -165,7 +165,7 @@ def test_closed_form_is_the_finite_difference(key: str, name: str, sense: int) -
         ) -> tuple[Array, Array | None]:
             model = Model(unit, (rverror.effect(key, **indices, **values),))
             if time is not None:
-                return predict(model, Conditions(theta, sense, RATED, time)).transmission_error, None
+                return predict(model, OperatingConditions(theta, sense, RATED, time)).transmission_error, None
             state = rverror.equilibrium(model, theta, torque=RATED, direction=sense)
             return state.transmission_error, carrying(state)
 

@@ -14,7 +14,7 @@ import pytest
 import rverror
 from pages import DOCS, text
 from rverror import CATALOGUE, Drive, InputError, Model
-from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders, true_period
+from rverror.geartrain.kinematics import OperatingConditions, Pose, fundamental_orders, true_period
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import extended, source
 from rverror.statics.prediction import predict
@@ -110,7 +110,7 @@ def test_a_run_is_predicted_with_it(frame: str, torque: float | None) -> None:
     model = Model(UNITS["RV-40E"], (rverror.effect("crank.index", crank=0, angle="1 mrad"),))
     line = empirical(frame, 3, cos="4 arcsec", sin="-3 arcsec")
     order = 3 * fundamental_orders(UNITS["RV-40E"])[frame]
-    conditions = Conditions(theta, 1.0, torque)
+    conditions = OperatingConditions(theta, 1.0, torque)
     found, without = predict(model.with_effects(line), conditions), predict(model, conditions)
     wave = np.stack([np.cos(order * theta), np.sin(order * theta)])
     np.testing.assert_allclose(found.matrix[-2:], wave, rtol=0, atol=1e-12)

@@ -65,6 +65,13 @@ def test_a_former_name_says_where_it_is_now(name: str) -> None:
     assert name not in dir(rverror)
 
 
+def test_a_former_name_of_a_room_says_what_it_is_now() -> None:
+    now = "rverror.geartrain.OperatingConditions"
+    with pytest.warns(DeprecationWarning, match=rf"rverror\.geartrain\.Conditions is {re.escape(now)} now"):
+        assert rverror.geartrain.Conditions is named(now)
+    assert "Conditions" not in dir(rverror.geartrain)
+
+
 def test_help_and_stars_have_every_name() -> None:
     for package in (rverror, *(getattr(rverror, room) for room in ROOMS)):
         page = pydoc.plaintext.document(package)

@@ -484,7 +484,7 @@ def unexplained_order(p: Played, says: Prose) -> None:
     )
 
     says("Each was fitted at 20 N m.")
-    says("as the two ways foretell it from the runs at 20 N m")
+    says("as the two ways predict it from the runs at 20 N m")
     left = [tuple(map(float, pair)) for pair in re.findall(r"leaves (\S+) \+- (\S+) arcsec of order 36", p.printed)]
     declared, empirical, cogging = left
     says("The declared model leaves the whole line.")
@@ -563,13 +563,13 @@ def table_to_names(p: Played, says: Prose) -> None:
         "that lags behind its torque."
     )
     assert laws[3].loads.relation == "opposite"
-    assert not any(law.constant.told for law in laws[3].laws)
+    assert not any(law.constant.significant for law in laws[3].laws)
     says("Order 7 has both, and its load part is alike in both directions")
     assert laws[7].loads.relation == "alike"
-    assert all(law.constant.told and law.slope.told for law in laws[7].laws)
+    assert all(law.constant.significant and law.slope.significant for law in laws[7].laws)
     says("The other orders are no more than the noise")
     for order, one in laws.items():
-        assert (order in (1, 16, 3, 7)) == ("no part of it is told from the noise" not in one.kinds)
+        assert (order in (1, 16, 3, 7)) == ("no part of it is significant against the noise" not in one.kinds)
 
     says("with no error declared and stiffness within its uncertainty")
     assert found.declared.effects == ()
@@ -678,7 +678,7 @@ def lot(p: Played, says: Prose) -> None:
     before, pins_in, half = p["p95"].values()
     assert 0.9 * before < pins_in < before
     assert half < 0.67 * before
-    says("The lot itself foretells its next units at the load")
+    says("The lot itself predicts its next units at the load")
     (foretold,) = found.predicted
     assert foretold.quantile.low < foretold.seen[1] < foretold.quantile.high
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import ContactLaw, Reducer
 from rverror.model.effects import Effect, Model, effect
 from rverror.statics.loaded_state import NotConvergedError
@@ -48,8 +48,8 @@ def test_all_contacts_softer_are_a_declared_stiffness(key: str, law: ContactLaw)
     declared = getattr(unit.stiffness, name)
     more = 0.4 / declared
     softer = replace(unit, stiffness=replace(unit.stiffness, **{name: 1 / (1 / declared + more)}))
-    one = predict(Model(unit, (*PARTS, Effect(key, indices, (more,)))), Conditions(THETA, -1.0, 50e3))
-    other = predict(Model(softer, PARTS), Conditions(THETA, -1.0, 50e3))
+    one = predict(Model(unit, (*PARTS, Effect(key, indices, (more,)))), OperatingConditions(THETA, -1.0, 50e3))
+    other = predict(Model(softer, PARTS), OperatingConditions(THETA, -1.0, 50e3))
     scale = np.abs(other.transmission_error).max()
     np.testing.assert_allclose(one.transmission_error, other.transmission_error, rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(one.matrix[:-1], other.matrix, rtol=0, atol=1e-8 * np.abs(other.matrix).max())
@@ -68,7 +68,7 @@ def test_rows_are_the_derivatives(
     monkeypatch.setattr("rverror.statics.energy.GRADIENT_TOLERANCE", 1e-12)
     effects = (*PARTS, *clearance, *SOFT)
     unit = rverror.reducer("RV-40E", contact_law=law)
-    where, step = Predictor(unit, Conditions(THETA, direction, 200e3)), 1e-10
+    where, step = Predictor(unit, OperatingConditions(THETA, direction, 200e3)), 1e-10
     rows = where.predict(Model(unit, effects)).matrix
     at = sum(len(e.values) for e in (*PARTS, *clearance))
     scale = np.abs(rows[at:]).max()
@@ -118,7 +118,7 @@ def test_influences_about_a_loaded_state_need_no_other_torque() -> None:
     unit = rverror.reducer("RV-40E")
     model = Model(unit, (*PARTS, *SOFT))
     loaded = rverror.statics.linearise(model, THETA, torque=50e3, direction=1)
-    rows = predict(model, Conditions(THETA, 1.0, 50e3)).matrix
+    rows = predict(model, OperatingConditions(THETA, 1.0, 50e3)).matrix
     at = sum(len(e.values) for e in PARTS)
     for one in SOFT:
         found = rverror.influence(unit, THETA, one.key, direction=1, forces=loaded.forces, **one.indices).matrix

@@ -10,7 +10,7 @@ import pytest
 
 import rverror
 from rverror.geartrain.contacts import pose
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.statics import prediction
 
 THETA = np.linspace(0.2, 1.0, 9)
@@ -40,7 +40,7 @@ REFUSED = {**PREDICTIONS, "closed prediction": prediction.predict}
 @pytest.mark.parametrize("name", PREDICTIONS)
 def test_one_object_or_keywords(name: str, direction: float) -> None:
     predict = PREDICTIONS[name]
-    one = predict(MODEL, Conditions(THETA, direction, 20e3, TIME))
+    one = predict(MODEL, OperatingConditions(THETA, direction, 20e3, TIME))
     np.testing.assert_array_equal(one, predict(MODEL, THETA, direction=direction, torque="20 N*m", time=TIME))
 
 
@@ -55,7 +55,7 @@ def test_a_run_hands_its_conditions_on() -> None:
 
 def test_nothing_is_said_twice() -> None:
     with pytest.raises(ValueError, match="leave these out"):
-        pose(MODEL.mechanism, Conditions(THETA, 1.0), torque=20e3)
+        pose(MODEL.mechanism, OperatingConditions(THETA, 1.0), torque=20e3)
 
 
 def test_an_equilibrium_without_a_torque_is_that_of_the_rated_one_or_refused() -> None:
@@ -64,7 +64,7 @@ def test_an_equilibrium_without_a_torque_is_that_of_the_rated_one_or_refused() -
     with pytest.raises(ValueError, match="needs a torque"):
         rverror.equilibrium(rverror.Model(rverror.reducer("RV-003")), THETA)
     with pytest.raises(ValueError, match="needs a torque"):
-        rverror.equilibrium(MODEL, Conditions(THETA, 1.0))
+        rverror.equilibrium(MODEL, OperatingConditions(THETA, 1.0))
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -88,12 +88,12 @@ def test_conditions_at_which_nothing_can_be_are_refused(name: str, wrong: dict[s
     if name == "closed prediction":
         sound["torque"] = None
     with pytest.raises(ValueError, match=message):
-        REFUSED[name](MODEL, Conditions(**(sound | wrong)))
+        REFUSED[name](MODEL, OperatingConditions(**(sound | wrong)))
 
 
 def test_whole_numbers_of_rad_are_angles() -> None:
     angles = np.arange(9) ** 2  # at a rate that is no whole number
-    one = rverror.transmission_error(MODEL, Conditions(angles, 1, 20000, TIME))
+    one = rverror.transmission_error(MODEL, OperatingConditions(angles, 1, 20000, TIME))
     np.testing.assert_array_equal(
         one, rverror.transmission_error(MODEL, angles, direction=1, torque="20 N*m", time=TIME)
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rverror
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import REFERENCE_FORCE, ContactLaw, Reducer
 from rverror.model.effects import Effect, effect
 from rverror.statics import kernel
@@ -57,7 +57,7 @@ def changed(unit: Reducer, name: str, step: float) -> Reducer:
 
 
 def statics(unit: Reducer, direction: float, torque: float) -> Statics:
-    return statics_of(unit, Conditions(THETA, direction, torque))
+    return statics_of(unit, OperatingConditions(THETA, direction, torque))
 
 
 @pytest.mark.parametrize("clearance", [False, True])
@@ -194,7 +194,7 @@ def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
     other = replace(
         unit, stiffness=rverror.geartrain.Stiffness(pin_contact=1.2e5), gear_backlash=5e-3, contact_law=LINE
     )
-    where = Conditions(np.linspace(0.2, 6.0, 300), 1.0, 30e3)
+    where = OperatingConditions(np.linspace(0.2, 6.0, 300), 1.0, 30e3)
     for some in (effects, effects[2:4]):
         first = statics_of(unit, where)
         for start in (None, first.predict(some).poses):
@@ -210,13 +210,13 @@ def test_other_stiffness_shares_the_geometry_and_is_exactly_itself() -> None:
 
 def test_the_closed_form_knows_no_stiffness() -> None:
     unit = rverror.reducer("RV-40E")
-    assert Predictor(unit, Conditions(THETA, 1.0)).predict(rverror.Model(unit)).softening is None
+    assert Predictor(unit, OperatingConditions(THETA, 1.0)).predict(rverror.Model(unit)).softening is None
 
 
 def test_another_geometry_is_refused() -> None:
     unit = rverror.reducer("RV-40E")
     with pytest.raises(ValueError, match=r"pin_radius = 3.1, here 3.0: only stiffness, stiffness_uncertainty, gear"):
-        statics_of(unit, Conditions(THETA, 1.0, 1e3)).elastic(replace(unit, pin_radius=3.1))
+        statics_of(unit, OperatingConditions(THETA, 1.0, 1e3)).elastic(replace(unit, pin_radius=3.1))
 
 
 @pytest.mark.parametrize("exponent", [0.99, 1.51, True, "10/9", math.nan])

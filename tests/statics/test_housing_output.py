@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror import Model, Reducer, effect
-from rverror.geartrain import Conditions, Stiffness
+from rverror.geartrain import OperatingConditions, Stiffness
 from rverror.geartrain.action_line import Contacts, ErrorVector
 from rverror.geartrain.contacts import motion
 from rverror.model.catalogue import CATALOGUE
@@ -85,7 +85,7 @@ def test_what_stands_on_the_bench_stands_on_the_carrier() -> None:
     """An offset of the motor's axis turns with the carrier: seen from there, it stands still."""
     theta = np.linspace(0, 2, 5)
     unit = replace(UNIT, cranks=3)
-    where = motion(unit, Conditions(theta, 1.0))
+    where = motion(unit, OperatingConditions(theta, 1.0))
     error = CATALOGUE["involute.sun_offset"].vector(where)
     assert isinstance(where, Contacts)
     assert isinstance(error, ErrorVector)
@@ -113,7 +113,7 @@ def test_pins_carry_what_turns_the_housing_against_its_load() -> None:
     state = rverror.equilibrium(Model(UNIT, errors_of(UNIT)), theta, torque="100 N*m", direction=1.0)
     forces = state.contact_forces["pin"]  # of pins on discs
     place = 2 * np.pi * np.arange(UNIT.pins)[:, None] / UNIT.pins
-    normal = motion(UNIT, Conditions(theta, 1.0)).pin_normal  # type: ignore[attr-defined]
+    normal = motion(UNIT, OperatingConditions(theta, 1.0)).pin_normal  # type: ignore[attr-defined]
     point = UNIT.pin_circle_radius * np.stack([np.cos(place), np.sin(place)], axis=1) + UNIT.pin_radius * normal
     moment = -(point[..., 0, :] * forces[..., 1, :] - point[..., 1, :] * forces[..., 0, :]).sum(axis=(0, 1))
     main = -state.pose["carrier"][:2] * UNIT.stiffness.main_bearing  # on the axis: no moment
@@ -250,7 +250,7 @@ def test_after_a_turn_of_the_crank_the_train_stands_as_it_did_turned_with_the_ca
     errors, ahead = errors_of(UNIT)[1:], 2 * np.pi / 40
     for unit in (UNIT, turned_over(UNIT)):
         now, then = (
-            statics_of(unit, Conditions(np.array([at]), 1.0, torque=100e3)).predict(errors).poses
+            statics_of(unit, OperatingConditions(np.array([at]), 1.0, torque=100e3)).predict(errors).poses
             for at in (0.3, 0.3 + ahead)
         )
         moved = turned(unit, now, np.array([ahead]))
@@ -260,7 +260,7 @@ def test_after_a_turn_of_the_crank_the_train_stands_as_it_did_turned_with_the_ca
 def test_the_suns_support_stands_on_what_is_held() -> None:
     """A housing that is pushed aside under all other parts stretches its bearing, and a support that stands in it."""
     for unit, stretched in ((UNIT, 0.0), (turned_over(UNIT), 1.0)):
-        where = motion(unit, Conditions(np.array([0.4]), 1.0))
+        where = motion(unit, OperatingConditions(np.array([0.4]), 1.0))
         assert isinstance(where, Contacts)
         layout, aside = Layout(unit), np.zeros(Layout(unit).size)
         aside[[0, *layout.disc, *layout.crank, layout.sun]] = 1.0  # all but the housing, along x
@@ -273,7 +273,7 @@ def test_the_suns_support_stands_on_what_is_held() -> None:
 def test_no_load_takes_off_the_whole_windup_of_its_trace(unit: Reducer) -> None:
     """Perfect parts without play stand where they should: the turn under the trace of load is windup alone."""
     unit = replace(unit, gear_backlash=0.0)
-    found = statics_of(unit, Conditions(np.linspace(0.2, 5, 6), 1.0, torque=0.0)).settled(())
+    found = statics_of(unit, OperatingConditions(np.linspace(0.2, 5, 6), 1.0, torque=0.0)).settled(())
     windup = unit.output_turn * found.solution.x[:, 2]
     assert (np.abs(found.transmission_error) < 1e-6 * np.abs(windup)).all()
 
@@ -284,7 +284,7 @@ def test_no_load_takes_off_the_whole_windup_of_its_trace(unit: Reducer) -> None:
 def test_influences_are_changes_of_the_equilibrium() -> None:
     """Sign and size of the loaded influences, by finite differences."""
     theta = np.linspace(0.2, 5, 6)
-    where = Conditions(theta, direction=1.0, torque=412e3)
+    where = OperatingConditions(theta, direction=1.0, torque=412e3)
     errors = errors_of(UNIT)
     rows = Predictor(UNIT, where).predict(Model(UNIT, errors)).matrix
     base = rverror.equilibrium(Model(UNIT, errors), where).transmission_error

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import rverror
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.statics.energy import solve
 from rverror.statics.loaded_state import Settled, statics_of
 from strategies import angles, reducers
@@ -59,7 +59,7 @@ def settled(
     torque: float = TORQUE,
     start: np.ndarray | None = None,
 ) -> Settled:
-    found = statics_of(unit, Conditions(theta, direction, torque)).settled(effects, start, response=True)
+    found = statics_of(unit, OperatingConditions(theta, direction, torque)).settled(effects, start, response=True)
     return found
 
 
@@ -182,7 +182,7 @@ errors = (
     rverror.effect("cycloid.pin_position", pin=3, tangential="6 um"),
     rverror.effect("crank.bearing_clearance", clearance="{clearance} um"),
 )
-found = predict(rverror.Model(unit, errors), rverror.geartrain.Conditions(np.linspace(0, 0.2, 4), 1.0, 20e3))
+found = predict(rverror.Model(unit, errors), rverror.geartrain.OperatingConditions(np.linspace(0, 0.2, 4), 1.0, 20e3))
 print(repr([*found.transmission_error, *found.matrix.ravel(), *found.softening.ravel()]))
 """
 

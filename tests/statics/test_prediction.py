@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 import rverror
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, effect
 from rverror.statics.loaded_state import equilibrium
@@ -57,7 +57,7 @@ def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
             indices = list(entry.candidates(unit))[-1]
             effects.append(Effect(key, indices, tuple(0.02 * p.plausible for p in entry.parameters)))
     model = rverror.Model(unit, tuple(effects))
-    found = predict(model, Conditions(theta, -1.0, 412e3)).matrix
+    found = predict(model, OperatingConditions(theta, -1.0, 412e3)).matrix
     state = rverror.statics.linearise(model, theta, torque=412e3, direction=-1.0)
     expected = rverror.model.compose.effect_matrix(state.motion, state.forces, model.effects)
     scale = np.abs(expected).max(axis=1, keepdims=True)
@@ -67,7 +67,7 @@ def test_influences_are_forces_times_error_vectors(clearance: float) -> None:
 
 def test_from_a_prediction_without_a_pin_one_with_it_is_solved_as_from_nothing() -> None:
     model, theta = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE), turn(300)
-    predictor = Predictor(model.mechanism, Conditions(theta, 1.0, 20e3))
+    predictor = Predictor(model.mechanism, OperatingConditions(theta, 1.0, 20e3))
     near, more = predictor.predict(model), rverror.Model(model.mechanism, CARRIER_SIDE + PINS)
     cold, warm = predictor.predict(more), predictor.predict(more, near)
     np.testing.assert_allclose(warm.transmission_error, cold.transmission_error, rtol=0, atol=1e-15)
@@ -79,7 +79,7 @@ def test_from_a_prediction_without_a_pin_one_with_it_is_solved_as_from_nothing()
 def test_it_is_the_equilibrium_at_every_angle(gears: tuple[Effect, ...], direction: float) -> None:
     model = rverror.Model(rverror.reducer("RV-40E"), gears)
     theta = turn(97)
-    found = predict(model, Conditions(theta, direction, 20e3))
+    found = predict(model, OperatingConditions(theta, direction, 20e3))
     whole = equilibrium(model, theta, torque=20e3, direction=direction).transmission_error
     np.testing.assert_allclose(found.transmission_error, whole, rtol=0, atol=1e-15)
 
@@ -89,8 +89,8 @@ def test_it_is_the_equilibrium_at_every_angle(gears: tuple[Effect, ...], directi
 def test_falling_angles_are_growing_ones_read_backwards(points: int, torque: float) -> None:
     model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE)
     theta = turn(points, start=0.0)
-    growing = predict(model, Conditions(theta, -1.0, torque)).transmission_error
-    falling = predict(model, Conditions(theta[0] + 2 * np.pi - theta, -1.0, torque)).transmission_error
+    growing = predict(model, OperatingConditions(theta, -1.0, torque)).transmission_error
+    falling = predict(model, OperatingConditions(theta[0] + 2 * np.pi - theta, -1.0, torque)).transmission_error
     back = np.concatenate([falling[:1], falling[:0:-1]])
     np.testing.assert_allclose(back, growing, rtol=0, atol=1e-6 * ARCSEC)
 
@@ -125,7 +125,7 @@ def test_rows_stay_in_the_order_of_the_model(order: list[int], pins: bool, torqu
     count = len(effects) if pins else len(effects) - len(PINS)
     shuffled = tuple(effects[i] for i in order if i < count)
     unit = rverror.reducer("RV-40E")
-    conditions = Conditions(turn(31), 1.0, torque)
+    conditions = OperatingConditions(turn(31), 1.0, torque)
     plain = predict(rverror.Model(unit, effects[:count]), conditions)
     mixed = predict(rverror.Model(unit, shuffled), conditions)
     np.testing.assert_allclose(mixed.transmission_error, plain.transmission_error, rtol=0, atol=1e-6 * ARCSEC)
@@ -149,7 +149,7 @@ def test_readings_are_added_exactly(gears: tuple[Effect, ...], torque: float | N
         effect("sensor.drift", total="12 arcsec"),
         effect("sensor.time_offset", offset="4 ms"),
     )
-    conditions = Conditions(theta, 1.0, torque, time)
+    conditions = OperatingConditions(theta, 1.0, torque, time)
     without = predict(rverror.Model(unit, gears), conditions)
     found = predict(rverror.Model(unit, gears + extra), conditions)
     speed = (theta[-1] - theta[0]) / 50
@@ -167,7 +167,7 @@ def test_readings_are_added_exactly(gears: tuple[Effect, ...], torque: float | N
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_torsion_holds_the_output_back_against_its_motion(gears: tuple[Effect, ...], direction: float) -> None:
     unit = rverror.reducer("RV-40E")
-    conditions = Conditions(turn(101), direction, 20e3)
+    conditions = OperatingConditions(turn(101), direction, 20e3)
     without = predict(rverror.Model(unit, gears), conditions)
     found = predict(rverror.Model(unit, (effect("load.torsion", compliance="3 arcsec/(N*m)"), *gears)), conditions)
     wound = found.transmission_error - without.transmission_error
@@ -179,7 +179,7 @@ def test_without_torque_the_closed_form_predicts() -> None:
     model = rverror.Model(rverror.reducer("RV-40E"), CARRIER_SIDE + READINGS + PINS)
     theta = turn(64)
     for direction in (1.0, -1.0):
-        conditions = Conditions(theta, direction)
+        conditions = OperatingConditions(theta, direction)
         assert not uses_equilibrium(model, conditions)
         found = predict(model, conditions).transmission_error
         np.testing.assert_array_equal(found, rverror.transmission_error(model, theta, direction=direction))
@@ -189,14 +189,14 @@ def test_a_drive_is_never_solved() -> None:
     drive = rverror.Drive(ratio=14.0, shafts={"motor": 14.0, "wheel": 3.5})
     model = rverror.Model(drive, (effect("shaft.eccentricity", shaft="wheel", harmonic=2, cos="5 arcsec"),))
     theta = turn(50)
-    found = predict(model, Conditions(theta, 1.0, torque=20e3))
+    found = predict(model, OperatingConditions(theta, 1.0, torque=20e3))
     np.testing.assert_allclose(found.transmission_error, 5 * ARCSEC * np.cos(7 * theta), rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.matrix, [np.cos(7 * theta), np.sin(7 * theta)], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("torque", [None, 20e3])
 def test_a_model_without_effects(torque: float | None) -> None:
-    found = predict(rverror.Model(rverror.reducer("RV-40E")), Conditions(turn(40), 1.0, torque))
+    found = predict(rverror.Model(rverror.reducer("RV-40E")), OperatingConditions(turn(40), 1.0, torque))
     assert found.matrix.shape == (0, 40)
     assert spread(found.transmission_error) < 0.01 * ARCSEC
 
@@ -207,7 +207,7 @@ def test_matrix_is_the_derivative(torque: float | None, pins: tuple[Effect, ...]
     """A millionth of all sizes and of the load: contacts carry as at full size, but nothing is of second order."""
     small = tuple(replace(e, values=tuple(v * 1e-6 for v in e.values)) for e in CARRIER_SIDE + pins + READINGS)
     model = rverror.Model(rverror.reducer("RV-40E", gear_backlash=2e-8), small)
-    conditions = Conditions(turn(40), 1.0, torque)
+    conditions = OperatingConditions(turn(40), 1.0, torque)
     found = predict(model, conditions)
     values = [v for e in model.effects for v in e.values]
     step = 1e-13
@@ -228,7 +228,7 @@ def test_what_acts_beyond_the_contacts_keeps_to_the_zero_of_the_bench() -> None:
     theta = 2 * np.pi * np.arange(512) / 512
     tilt, ahead = effect("sensor.output_tilt", x="6 arcsec/(kN*m)"), effect("sensor.index_offset", offset="20 deg")
     model = rverror.Model(rverror.reducer("RV-40E"), (tilt, ahead))
-    predicted = predict(model, Conditions(theta, 1.0, 200e3)).transmission_error
+    predicted = predict(model, OperatingConditions(theta, 1.0, 200e3)).transmission_error
     solved = rverror.equilibrium(model, theta, torque="200 N*m", direction="forward").transmission_error
     np.testing.assert_allclose(solved, predicted, rtol=0, atol=1e-9)
     turned = rverror.equilibrium(replace(model, effects=(ahead,)), theta, torque="200 N*m", direction="forward")

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 import rverror
 from rverror import Model, Reducer, effect
 from rverror.base.errors import InputError
-from rverror.geartrain import BearingPreload, Conditions, Stiffness
+from rverror.geartrain import BearingPreload, OperatingConditions, Stiffness
 from rverror.statics import kernel
 from rverror.statics.loaded_state import SOFTENING, statics_of
 
@@ -82,7 +82,7 @@ def test_changes_are_those_of_the_equilibrium(sizes: tuple[float, float]) -> Non
     """Influences, stiffness and clearance by finite differences, on both sides of the bend."""
     unit = with_preload(*sizes)
     errors = (*ERRORS, effect("crank.bearing_clearance", clearance=0.001))
-    where = Conditions(THETA, 1.0, torque=100e3)
+    where = OperatingConditions(THETA, 1.0, torque=100e3)
     found = statics_of(unit, where).predict(errors)
     at = 0
     for number, one in enumerate(errors):

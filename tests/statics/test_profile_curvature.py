@@ -13,7 +13,7 @@ from gear_runs import UNIT, begin, runs_of
 from rverror.diagnosis.gears.account import elastic_within, half_widths
 from rverror.diagnosis.gears.fit import fitted
 from rverror.geartrain.cycloid import trochoid_curvature
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import ContactLaw, Reducer
 from rverror.statics.loaded_state import statics_of
 from strategies import reducers
@@ -73,7 +73,7 @@ def test_forces_along_the_turned_normals_hold_each_disc() -> None:
     pins, cams = state.contact_forces["pin"], state.contact_forces["cam"]
     largest = np.abs(pins).max()
     assert np.abs(pins.sum(axis=1) - cams.sum(axis=1)).max() < 1e-3 * largest
-    motion = statics_of(rverror.reducer("RV-40E"), Conditions(ANGLES, 1.0, 20e3)).motion
+    motion = statics_of(rverror.reducer("RV-40E"), OperatingConditions(ANGLES, 1.0, 20e3)).motion
     straight = np.linalg.norm(pins, axis=2)[:, :, None] * motion.pin_normal
     assert np.abs(straight.sum(axis=1) - cams.sum(axis=1)).max() > 1e-2 * largest
 
@@ -82,7 +82,7 @@ def test_forces_along_the_turned_normals_hold_each_disc() -> None:
 def test_each_pin_closes_with_the_normal_of_the_place_that_it_has_moved_to(torque: float) -> None:
     """p - kappa s^2 / 2, from the rows of straight normals and the pose that was found."""
     unit = rverror.reducer("RV-40E", contact_law=CURVED)
-    found = statics_of(unit, Conditions(np.linspace(0, 1, 60), 1.0, torque)).settled(ERRORS)
+    found = statics_of(unit, OperatingConditions(np.linspace(0, 1, 60), 1.0, torque)).settled(ERRORS)
     rows, where = found.contacts.pin_rows, found.x[:, 3 : 3 + 3 * unit.discs].reshape(-1, unit.discs, 3)
     across = np.stack([-rows[:, :, 1], rows[:, :, 0], found.contacts.profile_lever], axis=2)
     into, along = (np.einsum("nkc,nkcp->nkp", where, one) for one in (rows, across))
@@ -127,6 +127,6 @@ def test_runs_tell_how_far_pins_follow_their_profiles(share: float) -> None:
     assumed = replace(UNIT, contact_law=ContactLaw(profile_curvature=1.0 - share))
     fit = fitted(begin(rverror.Model(assumed, (wave,)), runs_of(rverror.Model(true, (wave,)))), steps=30)
     (found,) = [one for one in elastic_within(fit, half_widths(fit)) if one.name == "profile_curvature"]
-    assert found.told
+    assert found.determined
     assert found.low <= share <= found.high
     assert not found.low <= 1.0 - share <= found.high

@@ -114,7 +114,7 @@ def test_a_turn_gives_back_what_it_takes() -> None:
     change = -ARM.mass * ARM.gravity * ARM.lever * np.sin(theta - ARM.offset) - 8e5 * np.sin(40 * theta)
 
     def least(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = statics_of(UNIT, rverror.geartrain.Conditions(at, 1.0, load=load)).settled(ERRORS)
+        found = statics_of(UNIT, rverror.geartrain.OperatingConditions(at, 1.0, load=load)).settled(ERRORS)
         return found.solution.energy, found.transmission_error
 
     by_input = np.mean(least(theta + h)[0] - least(theta - h)[0]) * 2 * np.pi / (2 * h)
@@ -169,7 +169,7 @@ def test_a_torque_of_another_shape_is_refused(torque: Any) -> None:
 
 
 def test_losses_are_not_found_at_a_torque_that_changes() -> None:
-    where = rverror.geartrain.Conditions(THETA, 1.0, load=ARM(THETA))
+    where = rverror.geartrain.OperatingConditions(THETA, 1.0, load=ARM(THETA))
     with pytest.raises(ValueError, match="changes over the turn"):
         rverror.statics.efficiency(
             rverror.Model(UNIT), where, torque=None, friction=rverror.geartrain.Friction(pin=0.1)

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 import rverror
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.tolerances.allocation import cost_front
 from rverror.tolerances.allocation_result import Allocation
-from rverror.tolerances.blocks import Block
 from rverror.tolerances.constraints import WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Grades, Reciprocal, ReciprocalSquare
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Circle, Normal, Rayleigh, TruncatedNormal, Uniform
 from rverror.tolerances.loaded_yield import ClosedFormUnits, standard_draws
 from rverror.tolerances.sampling import share_interval
+from rverror.tolerances.sampling_rule import SamplingRule
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack, stack
 
@@ -35,12 +35,12 @@ def allocate(laid, *, limit, **how):
     return point.allocation
 
 
-def laid_out(waves, blocks, *, width=None, nominal=None):
-    """Stack of blocks that follow one another; `waves` has a row for each component."""
-    entry = np.repeat(np.arange(len(blocks)), [b.instances * b.terms for b in blocks])
-    width = np.ones(len(blocks)) if width is None else width
+def laid_out(waves, rules, *, width=None, nominal=None):
+    """Stack of rules that follow one another; `waves` has a row for each component."""
+    entry = np.repeat(np.arange(len(rules)), [b.instances * b.terms for b in rules])
+    width = np.ones(len(rules)) if width is None else width
     nominal = np.zeros(waves.shape[1]) if nominal is None else nominal
-    return Stack(nominal, waves, (), entry, width, tuple(f"t{e}" for e in range(len(blocks))), tuple(blocks))
+    return Stack(nominal, waves, (), entry, width, tuple(f"t{e}" for e in range(len(rules))), tuple(rules))
 
 
 def buying(given, costs, bounds=None, fixed=None):
@@ -54,20 +54,20 @@ def random_stack(seed, *, entries=(2, 7), nominal=0.0):
     """Numbers and vectors, alone, in threes, moving as one and turned at random; widths over two decades."""
     rng = np.random.default_rng(seed)
     theta = 2 * np.pi * np.arange(ANGLES) / ANGLES
-    blocks, waves, variate, component = [], [], 0, 0
+    rules, waves, variate, component = [], [], 0, 0
     for _ in range(rng.integers(*entries)):
         law = (Uniform(), Normal(), Rayleigh(), Circle(), TruncatedNormal())[rng.integers(5)]
         terms_ = 2 if law.vector else int(rng.integers(1, 3))
         tied, turned = float(rng.choice([0.0, 0.0, 1.0])), terms_ == 2 and bool(rng.random() < 0.4)
-        block = Block(variate, component, int(rng.integers(1, 4)), terms_, law, tied, turned)
-        blocks.append(block)
-        variate, component = block.variates.stop, block.components.stop
+        rule = SamplingRule(variate, component, int(rng.integers(1, 4)), terms_, law, tied, turned)
+        rules.append(rule)
+        variate, component = rule.variates.stop, rule.components.stop
         size = 1e-4 * 10 ** rng.uniform(-0.5, 0.5)
-        for _ in range(block.instances * terms_):
+        for _ in range(rule.instances * terms_):
             orders, phases = rng.integers(1, 9, (3, 1)), rng.uniform(0, 7, (3, 1))
             waves.append(size * (rng.normal(size=3) @ np.cos(orders * theta + phases)))
-    width = 10 ** rng.uniform(-1, 1, len(blocks))
-    return laid_out(np.array(waves), blocks, width=width, nominal=nominal * 1e-4 * np.sin(3 * theta))
+    width = 10 ** rng.uniform(-1, 1, len(rules))
+    return laid_out(np.array(waves), rules, width=width, nominal=nominal * 1e-4 * np.sin(3 * theta))
 
 
 def random_curves(seed, given):
@@ -140,7 +140,7 @@ def a_limit(given, costs, kind, place):
 def opposed(*sizes):
     """Numbers that push two angles apart: the worst p-p is the sum of 2 size width."""
     return laid_out(
-        np.array([[size, -size] for size in sizes]), [Block(e, e, 1, 1, Uniform()) for e in range(len(sizes))]
+        np.array([[size, -size] for size in sizes]), [SamplingRule(e, e, 1, 1, Uniform()) for e in range(len(sizes))]
     )
 
 
@@ -165,7 +165,7 @@ PRICES = np.array([9.0, 2.0, 14.0, 5.0])
 def one_order():
     theta = 2 * np.pi * np.arange(720) / 720
     waves = np.concatenate([size * np.array([np.cos(theta), np.sin(theta)]) for size in SIZES])
-    return laid_out(waves, [Block(2 * e, 2 * e, 1, 2, Rayleigh()) for e in range(SIZES.size)])
+    return laid_out(waves, [SamplingRule(2 * e, 2 * e, 1, 2, Rayleigh()) for e in range(SIZES.size)])
 
 
 def rayleigh_quantile(widths, level):
@@ -197,7 +197,7 @@ def test_yield_of_one_order_in_closed_form(level):
 def test_worst_case_is_that_of_all_corners(seed):
     rng = np.random.default_rng(seed)
     waves, nominal = rng.normal(size=(7, 12)), rng.normal(size=12) * (seed % 2)
-    given = laid_out(waves, [Block(0, 0, 3, 1, Uniform()), Block(3, 3, 2, 2, Normal())], nominal=nominal)
+    given = laid_out(waves, [SamplingRule(0, 0, 3, 1, Uniform()), SamplingRule(3, 3, 2, 2, Normal())], nominal=nominal)
     widths = np.array([0.7, 1.6])
     corners = np.array(list(itertools.product([-1.0, 1.0], repeat=7)))
     largest = np.ptp(nominal + corners @ given.scaled(widths), axis=1).max()
@@ -337,7 +337,7 @@ def test_grades_at_a_yield_against_all_combinations(seed):
 
 def test_many_grades_at_a_yield():
     waves = np.outer(np.linspace(0.5, 2.0, 10), [1.0, -1.0])
-    given = laid_out(waves, [Block(e, e, 1, 1, Normal()) for e in range(10)])
+    given = laid_out(waves, [SamplingRule(e, e, 1, 1, Normal()) for e in range(10)])
     table = Grades((0.4, 0.63, 1.0, 1.6), (8.0, 4.0, 2.0, 1.0), ("IT4", "IT5", "IT6", "IT7"))  # 4^10 combinations
     found = allocate(buying(given, [table] * 10), limit=4.0, **QUICK)
     assert found.closed_form.high <= 4.0
@@ -453,7 +453,7 @@ def test_rates_of_grades_are_steps_to_the_neighbours():
 def test_what_does_not_count_is_relaxed_to_its_bound():
     """An offset moves no p-p; the finest of its grades is never bought either."""
     waves = np.array([[1.0, -1.0], [3.0, 3.0]])
-    given = laid_out(waves, [Block(e, e, 1, 1, Uniform()) for e in range(2)])
+    given = laid_out(waves, [SamplingRule(e, e, 1, 1, Uniform()) for e in range(2)])
     for kind in ("worst", "yield"):
         found = allocate(buying(given, [Reciprocal(1.0, 1.0)] * 2), limit=1.0, kind=kind, **QUICK)
         assert found.widths[1] == 10.0
@@ -498,6 +498,7 @@ def test_prices_scale_the_cost(seed, share, place, factor):
     assert other.cost == pytest.approx(factor * one.cost, rel=1e-6)
 
 
+@example(seed=731, share=0.5, place=0.625, which=1)  # the integer program's solver fails on one order of its rows
 @given(**SOME, place=st.floats(0.3, 0.9), which=st.integers(0, 1))
 @settings(max_examples=15, deadline=None)
 def test_fixed_entries_stay_and_freedom_saves(seed, share, place, which):

@@ -85,7 +85,7 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
             full = np.ptp(rverror.equilibrium(one, turn, torque=torque, direction=1.0).transmission_error)
             assert 0.97 * full <= turns[unit, at] <= full * (1 + 1e-9)  # of all angles, a few of which are solved
         assert turns[unit, 2] == pytest.approx(rverror.lost_motion(one, places).max(), rel=1e-7)
-        assert turns[unit, 3] == pytest.approx(rverror.statics.backlash(one, places).max(), rel=1e-4)
+        assert turns[unit, 3] == pytest.approx(rverror.statics.backlash(one, places).max(), rel=1e-7)
         stiffness = units.limits[4].turned(turns[unit, 4])
         assert stiffness == pytest.approx(rverror.statics.torsional_stiffness(one, places).min(), rel=1e-7)
 
@@ -185,6 +185,33 @@ def test_least_cost_brings_a_normal_lost_motion_to_its_limit() -> None:
     assert found.held_by == ("limit",)
     assert found.cost == pytest.approx(10.0 * 0.006 / found.widths[0])
     assert found.closed_form.value == pytest.approx(0.0, abs=1e-9)  # a lost motion is no transmission error
+
+
+@pytest.mark.usefixtures("few_angles")
+def test_what_makes_no_wave_in_closed_form_begins_at_its_given_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There a wider one costs nothing: the closed form would begin at the upper bound, whatever it does at the load."""
+    cost = rverror.tolerances.cost.Reciprocal(10.0, 0.005)
+    tolerances = [
+        rverror.tolerance("crank.eccentricity", "5 um", cost=cost, bounds=("1 um", "50 um")),
+        rverror.tolerance("coupling.carrier_bore_position", "5 um", cost=cost, bounds=("1 um", "50 um")),
+    ]
+    tried: list[np.ndarray] = []
+
+    asked = [limit("transmission_error", "60 arcsec", torque="50 N*m")]
+    found = LoadedUnits.solved
+
+    def recorded(units: LoadedUnits, drawn: np.ndarray, widths: np.ndarray, **more: Any) -> Any:
+        tried.append(widths)
+        if len(tried) == 3:  # the unit without spread and the widths as given are solved before
+            raise InterruptedError
+        return found(units, drawn, widths, **more)
+
+    monkeypatch.setattr(LoadedUnits, "solved", recorded)
+    with pytest.raises(InterruptedError):
+        allocate_at_load(rverror.Model(UNIT), tolerances, asked, sample=64, verify=500)
+    _, given, first = tried
+    assert first[1] == given[1] == 5e-3
+    assert first[0] > 1.1 * given[0]  # which the closed form chose
 
 
 @pytest.mark.usefixtures("few_angles")

@@ -13,7 +13,6 @@ from scipy.stats import qmc
 
 import rverror
 from rverror.base.units import ARCSEC
-from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import GroupWaves, budget
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import (
@@ -26,6 +25,7 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
+from rverror.tolerances.sampling_rule import Component, SamplingRule
 from rverror.tolerances.stacking import Stack, stack
 from stack_covariance import of_stack
 
@@ -46,23 +46,23 @@ def made(
 ) -> Stack:
     """Stack of random waves: (distribution, correlation, random phase, instances, terms) of each entry."""
     rng = np.random.default_rng(seed)
-    blocks: list[Block] = []
+    rules: list[SamplingRule] = []
     components: list[Component] = []
     for e, (law, correlation, phase, instances, terms) in enumerate(entries):
-        first = blocks[-1].variates.stop if blocks else 0
-        blocks.append(Block(first, len(components), instances, terms, law, correlation, phase))
+        first = rules[-1].variates.stop if rules else 0
+        rules.append(SamplingRule(first, len(components), instances, terms, law, correlation, phase))
         components += [
             Component(f"entry{e}", {"i": i}, f"p{p}", "length") for i in range(instances) for p in range(terms)
         ]
-    entry = np.repeat(np.arange(len(blocks)), [b.instances * b.terms for b in blocks])
+    entry = np.repeat(np.arange(len(rules)), [b.instances * b.terms for b in rules])
     return Stack(
         nominal * rng.standard_normal(n),
         rng.standard_normal((len(components), n)),
         tuple(components),
         entry,
-        rng.uniform(0.2, 3, len(blocks)),
-        tuple(f"entry {e}" for e in range(len(blocks))),
-        tuple(blocks),
+        rng.uniform(0.2, 3, len(rules)),
+        tuple(f"entry {e}" for e in range(len(rules))),
+        tuple(rules),
     )
 
 
@@ -96,15 +96,15 @@ def maximum(te: np.ndarray) -> np.ndarray:
 # --- mean and variance ------------------------------------------------------------------------------------------------
 
 
-def correlated(block: Block, width: float):  # type: ignore[no-untyped-def]
+def correlated(rule: SamplingRule, width: float):  # type: ignore[no-untyped-def]
     """Values of an entry for `uncertainties`: by its own covariance matrix."""
     uncertainties = pytest.importorskip("uncertainties")
-    rho, count = (0.0 if block.random_phase else block.correlation), block.instances * block.terms
-    sigma = width * math.sqrt(block.distribution.variance)
+    rho, count = (0.0 if rule.random_phase else rule.correlation), rule.instances * rule.terms
+    sigma = width * math.sqrt(rule.distribution.variance)
     if rho == 1:  # a singular matrix costs it half its digits; a shared variable does not
-        one = [uncertainties.ufloat(0, sigma) for _ in range(block.terms)]
-        return one * block.instances
-    same = np.array([[i % block.terms == j % block.terms for j in range(count)] for i in range(count)])
+        one = [uncertainties.ufloat(0, sigma) for _ in range(rule.terms)]
+        return one * rule.instances
+    same = np.array([[i % rule.terms == j % rule.terms for j in range(count)] for i in range(count)])
     matrix = sigma**2 * np.where(same, rho, 0.0)
     np.fill_diagonal(matrix, sigma**2)
     return list(uncertainties.correlated_values([0.0] * count, matrix))
@@ -124,7 +124,7 @@ def test_propagation_is_that_of_uncertainties(kind: str) -> None:
             (Rayleigh(), 0.9, True, 2, 2),
         ]
         given_stack = made(entries, 24, 4, nominal=3.0)
-    x = [v for e, block in enumerate(given_stack.blocks) for v in correlated(block, given_stack.width[e])]
+    x = [v for e, rule in enumerate(given_stack.rules) for v in correlated(rule, given_stack.width[e])]
     te = [
         nu + sum(v * w for v, w in zip(x, row, strict=True))
         for nu, row in zip(given_stack.nominal, given_stack.influence.T, strict=True)
@@ -322,7 +322,7 @@ def wave(order: int, n: int, law: Distribution, *, a: float = 1.3, width: float 
     """One vector with the waves a cos and a sin of an order."""
     angle = 2 * np.pi * order * np.arange(n) / n
     components = tuple(Component("wave", {}, name, "length") for name in ("cos", "sin"))
-    block = Block(0, 0, 1, 2, law)
+    rule = SamplingRule(0, 0, 1, 2, law)
     return Stack(
         np.zeros(n),
         a * np.stack([np.cos(angle), np.sin(angle)]),
@@ -330,7 +330,7 @@ def wave(order: int, n: int, law: Distribution, *, a: float = 1.3, width: float 
         np.zeros(2, dtype=np.intp),
         np.array([width]),
         ("wave",),
-        (block,),
+        (rule,),
     )
 
 

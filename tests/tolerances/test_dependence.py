@@ -13,12 +13,12 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.errors import InputError
 from rverror.tolerances.allocation import cost_front
-from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
 from rverror.tolerances.constraints import WorstPeakToPeak
 from rverror.tolerances.cost import Choice, Reciprocal
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Scalar, Uniform, normal_correlation
+from rverror.tolerances.sampling_rule import Component, SamplingRule
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
 from stack_covariance import of_stack
@@ -52,7 +52,7 @@ def test_variance_is_that_of_the_correlated_values_and_draws_have_it(
     given = pair(value, one, other)
     covariance = np.zeros((len(given.components),) * 2)
     for (i, a), (j, b) in itertools.product(enumerate(given.components), repeat=2):
-        laws = [given.blocks[given.entry[k]] for k in (i, j)]
+        laws = [given.rules[given.entry[k]] for k in (i, j)]
         alike = a.indices == b.indices
         rho = float(i == j)
         if i != j and a.parameter == b.parameter:
@@ -178,17 +178,17 @@ def test_normal_variables_between_two_laws() -> None:
 def skewed(seed: int) -> Stack:
     """Four numbers, two of them lognormal to either side, over a few angles and a nominal error."""
     laws: list[Scalar] = [Lognormal(shape=0.6), Normal(), Lognormal(0.9, shape=-0.4)]
-    blocks = [Block(0, 0, 2, 1, laws[0]), Block(2, 2, 1, 1, laws[1]), Block(3, 3, 1, 1, laws[2])]
+    rules = [SamplingRule(0, 0, 2, 1, laws[0]), SamplingRule(2, 2, 1, 1, laws[1]), SamplingRule(3, 3, 1, 1, laws[2])]
     rng = np.random.default_rng(seed)
     entry = np.array([0, 0, 1, 2])
     waves, width = rng.standard_normal((4, 12)), rng.uniform(0.5, 2, 3)
-    return Stack(rng.standard_normal(12), waves, (), entry, width, ("a", "b", "c"), tuple(blocks))
+    return Stack(rng.standard_normal(12), waves, (), entry, width, ("a", "b", "c"), tuple(rules))
 
 
 def corners(given: Stack, width: np.ndarray) -> np.ndarray:
     """Errors with every value at one of its limits: half a span to either side of their middle."""
     ends = np.array(list(itertools.product((-1.0, 1.0), repeat=given.entry.size)))
-    middle = np.array([given.blocks[e].distribution.middle for e in given.entry])
+    middle = np.array([given.rules[e].distribution.middle for e in given.entry])
     return given.nominal + ((ends + middle) * width[given.entry]) @ given.influence
 
 
@@ -219,7 +219,7 @@ def budget_of_numbers(given: Stack):  # type: ignore[no-untyped-def]
         units = corners(alone, own)
         assert entry.worst_peak_to_peak == pytest.approx(np.ptp(units, axis=1).max())
         assert entry.worst_offset == pytest.approx(np.abs(units.mean(axis=1)).max())
-        law = given.blocks[e].distribution
+        law = given.rules[e].distribution
         farther = given.width[e] * max(abs(law.middle - 1), abs(law.middle + 1))  # limit from the mean
         waves = given.influence[given.entry == e]
         assert entry.rss == pytest.approx(math.hypot(*(farther * np.ptp(waves, axis=1))))

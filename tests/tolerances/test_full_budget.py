@@ -278,13 +278,13 @@ def test_allocate_command_verifies_at_the_load(
     assert error["method"] == "equilibrium"
     assert error["units"] >= 200  # more where the first verification failed
     assert content["limited"] == "load"
-    assert f"At the load: {error['units']} units drawn afresh" in text
+    assert f"Under load: {error['units']} new virtual units" in text
     assert "Closed form, contacts closed" in text
     saved = rverror.load_tolerances(new)
     assert [item.width for item in saved][:2] == pytest.approx(
         [1e-3 * width for width in content["variables"]["width"]["values"]][:2], rel=1e-3
     )
-    assert "All limits together are met by" in page.read_text(encoding="utf-8")
+    assert "of the units meet all limits together" in page.read_text(encoding="utf-8")
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 

@@ -21,10 +21,10 @@ from scipy import stats
 import rverror
 from rverror import InputError
 from rverror.base.units import ARCSEC
-from rverror.tolerances.blocks import Block
 from rverror.tolerances.declared import tolerance
 from rverror.tolerances.distribution import Normal, Rayleigh, Uniform
 from rverror.tolerances.sampling import IntervalEstimate, VirtualUnits, uniforms, virtual_units
+from rverror.tolerances.sampling_rule import SamplingRule
 from rverror.tolerances.stacking import Stack, stack
 
 module = importlib.import_module("rverror.tolerances.sampling")  # the package has a function of this name
@@ -34,20 +34,20 @@ THETA = 2 * np.pi * np.arange(N) / N
 
 def made(influence: np.ndarray, *laws: Any) -> Stack:
     """A stack of scalar entries, or vectors of two components, one for each law; width 1."""
-    blocks: list[Block] = []
+    rules: list[SamplingRule] = []
     row = variate = 0
     for law in laws:
-        block = Block(variate, row, 1, 2 if law.vector else 1, law)
-        blocks.append(block)
-        row, variate = block.components.stop, block.variates.stop
+        rule = SamplingRule(variate, row, 1, 2 if law.vector else 1, law)
+        rules.append(rule)
+        row, variate = rule.components.stop, rule.variates.stop
     return Stack(
         nominal=np.zeros(influence.shape[1]),
         influence=influence,
         components=(),
-        entry=np.repeat(np.arange(len(laws)), [b.components.stop - b.components.start for b in blocks]),
+        entry=np.repeat(np.arange(len(laws)), [b.components.stop - b.components.start for b in rules]),
         width=np.ones(len(laws)),
         labels=tuple(f"entry {i}" for i in range(len(laws))),
-        blocks=tuple(blocks),
+        rules=tuple(rules),
     )
 
 
@@ -83,7 +83,7 @@ def same(one: VirtualUnits, other: VirtualUnits) -> bool:
 def test_rayleigh_vector_of_one_order() -> None:
     """Twice its amplitude from peak to peak: a Rayleigh variable, at every quantile."""
     units = virtual_units(VECTOR, 2**14)
-    sigma = VECTOR.blocks[0].distribution.sigma
+    sigma = VECTOR.rules[0].distribution.sigma
     for probability in (0.01, 0.5, 0.95, 0.99):
         true = 2 * ARCSEC * sigma * math.sqrt(-2 * math.log(1 - probability))
         found = units.quantile(probability)
@@ -246,7 +246,7 @@ def test_plain_random_units_are_no_sobol_points() -> None:
 
 def test_more_variates_than_sobol_sequences_have() -> None:
     many = made(np.zeros((21202, 2)), *[Uniform()] * 2)
-    wide = replace(many, blocks=(Block(0, 0, 21202, 1, Uniform()),), entry=np.zeros(21202, dtype=int))
+    wide = replace(many, rules=(SamplingRule(0, 0, 21202, 1, Uniform()),), entry=np.zeros(21202, dtype=int))
     assert virtual_units(wide, 10).count == 10
 
 
@@ -340,8 +340,8 @@ CHANGED = {
     "width": ({}, replace(VECTOR, width=np.array([1.1]))),
     "waveforms": ({}, replace(VECTOR, influence=1.1 * VECTOR.influence)),
     "nominal": ({}, replace(VECTOR, nominal=VECTOR.influence[0])),
-    "distribution": ({}, replace(VECTOR, blocks=(replace(VECTOR.blocks[0], distribution=Rayleigh(1.33)),))),
-    "phase": ({}, replace(VECTOR, blocks=(replace(VECTOR.blocks[0], random_phase=True),))),
+    "distribution": ({}, replace(VECTOR, rules=(replace(VECTOR.rules[0], distribution=Rayleigh(1.33)),))),
+    "phase": ({}, replace(VECTOR, rules=(replace(VECTOR.rules[0], random_phase=True),))),
 }
 
 

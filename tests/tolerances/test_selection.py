@@ -14,14 +14,14 @@ from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror.base.errors import InputError
-from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.closed_form import budget
 from rverror.tolerances.declared import SelectedFit, tolerance
 from rverror.tolerances.distribution import Lognormal, Normal, Samples, Triangular, TruncatedNormal, Uniform
+from rverror.tolerances.sampling_rule import Component, SamplingRule
 from rverror.tolerances.sobol import stack_indices
 from rverror.tolerances.stacking import Stack, stack
 from rverror.tolerances.tolerance_file import load_tolerances
-from stack_covariance import of_block, of_stack
+from stack_covariance import of_rule, of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = 2 * np.pi * np.arange(480) / 480
@@ -41,8 +41,8 @@ def points(dimensions, count=2**16):
     return scipy.stats.qmc.Sobol(dimensions, seed=3).random(count)
 
 
-def draws(block):
-    return block.standard(points(block.variates.stop))
+def draws(rule):
+    return rule.standard(points(rule.variates.stop))
 
 
 # --- classes of a distribution -----------------------------------------------------------------------------------
@@ -81,9 +81,9 @@ def test_many_classes_are_correlation_one(law):
 @settings(deadline=None, max_examples=25)
 @given(laws, counts)
 def test_covariance_is_that_of_the_draws_and_each_size_stays_as_it_was(law, classes):
-    block = Block(0, 0, 3, 1, law, classes=classes)
-    drawn = draws(block)
-    np.testing.assert_allclose(np.cov(drawn.T), of_block(block), atol=4e-3 * law.variance)
+    rule = SamplingRule(0, 0, 3, 1, law, classes=classes)
+    drawn = draws(rule)
+    np.testing.assert_allclose(np.cov(drawn.T), of_rule(rule), atol=4e-3 * law.variance)
     np.testing.assert_allclose(drawn.mean(axis=0), 0.0, atol=2e-3)
     for column in drawn.T:
         share = np.searchsorted(np.sort(column), law.quantile(np.array([0.01, 0.3, 0.5, 0.9]))) / len(column)
@@ -95,7 +95,7 @@ def test_covariance_is_that_of_the_draws_and_each_size_stays_as_it_was(law, clas
 @pytest.mark.parametrize("law", LAWS)
 def test_parts_of_a_unit_are_of_one_class(law):
     """Each class as often, and no part beyond the ends of its class."""
-    drawn = draws(Block(0, 0, 3, 1, law, classes=4))
+    drawn = draws(SamplingRule(0, 0, 3, 1, law, classes=4))
     ends = law.quantile(np.arange(5) / 4)
     inside = [((drawn >= low - 1e-12) & (drawn <= high + 1e-12)).all(axis=1) for low, high in itertools.pairwise(ends)]
     assert np.any(inside, axis=0).all()
@@ -103,14 +103,15 @@ def test_parts_of_a_unit_are_of_one_class(law):
 
 
 def test_one_class_is_no_sorting():
-    block = Block(0, 0, 3, 1, Normal(), classes=1)
-    assert block.variates == Block(0, 0, 3, 1, Normal()).variates
+    rule = SamplingRule(0, 0, 3, 1, Normal(), classes=1)
+    assert rule.variates == SamplingRule(0, 0, 3, 1, Normal()).variates
     given_points = points(3, 64)
-    np.testing.assert_array_equal(block.standard(given_points), Block(0, 0, 3, 1, Normal()).standard(given_points))
+    unsorted = SamplingRule(0, 0, 3, 1, Normal())
+    np.testing.assert_array_equal(rule.standard(given_points), unsorted.standard(given_points))
 
 
 def test_a_thousand_classes_are_one_size():
-    drawn = draws(Block(0, 0, 3, 1, Uniform(), classes=1000))
+    drawn = draws(SamplingRule(0, 0, 3, 1, Uniform(), classes=1000))
     assert np.ptp(drawn, axis=1).max() <= 2e-3
 
 
@@ -145,9 +146,9 @@ def by_classes(law, classes, waves):
 
 def alone(law, classes, waves):
     components = tuple(Component("a.size", {"pin": i}, "size", "length") for i in range(len(waves)))
-    blocks = (Block(0, 0, len(waves), 1, law, classes=classes),)
+    rules = (SamplingRule(0, 0, len(waves), 1, law, classes=classes),)
     entry = np.zeros(len(waves), dtype=int)
-    return Stack(np.zeros(waves.shape[1]), waves, components, entry, np.ones(1), ("a",), blocks)
+    return Stack(np.zeros(waves.shape[1]), waves, components, entry, np.ones(1), ("a",), rules)
 
 
 @settings(deadline=None, max_examples=40)
@@ -213,7 +214,7 @@ def test_difference_or_sum_of_uniform_sizes_shrinks_by_the_classes(classes, oppo
 @pytest.mark.parametrize("opposite", [False, True])
 def test_covariance_of_a_fit_is_that_of_the_draws(law, opposite):
     laid = stack(UNIT, cams_and_bores(law, classes=3, opposite=opposite), THETA)
-    size = laid.blocks[0].distribution.variance
+    size = laid.rules[0].distribution.variance
     np.testing.assert_allclose(np.cov(standard(laid).T), of_stack(laid), atol=0.02 * size)
     found = budget(laid)
     scaled = laid.scaled()
@@ -308,7 +309,7 @@ def test_a_file_and_a_table_say_the_same(tmp_path: Path) -> None:
     items = load_tolerances(tmp_path / "t.toml", UNIT)
     assert items == load_tolerances(tmp_path / "t.csv", UNIT)
     assert (items[0].classes, items[2].fit) == (4, SelectedFit("cams", classes=3, opposite=True))
-    assert stack(UNIT, items, THETA).blocks[0].classes == 4
+    assert stack(UNIT, items, THETA).rules[0].classes == 4
 
 
 @pytest.mark.parametrize(

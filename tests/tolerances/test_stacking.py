@@ -13,7 +13,6 @@ from scipy.stats import qmc
 import rverror
 from rverror.base.errors import InputError
 from rverror.model.catalogue import CATALOGUE, source
-from rverror.tolerances.blocks import Block
 from rverror.tolerances.declared import PAIRS, Tolerance, tolerance
 from rverror.tolerances.distribution import (
     Circle,
@@ -27,15 +26,16 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
+from rverror.tolerances.sampling_rule import SamplingRule
 from rverror.tolerances.stacking import Stack, stack
-from stack_covariance import of_block, of_stack
+from stack_covariance import of_rule, of_stack
 
 UNIT = rverror.Model(rverror.reducer("RV-40E"))
 THETA = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 MEASURED = (1e-3, 1.5e-3, 2e-3, 7e-3, 2.2e-3)
 SCALARS = (Uniform(), Triangular(), Normal(), TruncatedNormal(0.5), Rayleigh(1.3), Samples(MEASURED))
 PLANES = (Circle(), Ring(), SampledAmplitude(MEASURED))
-#: Distribution, correlation, random phase: all that a block can be.
+#: Distribution, correlation, random phase: all that a rule can be.
 CASES = [
     *product(SCALARS, (0.0, 0.3, 0.8, 1.0), (False, True)),
     *product(PLANES, (0.0, 1.0), (False, True)),
@@ -54,34 +54,34 @@ def named(case: tuple[Distribution, float, bool]) -> str:
 
 
 @pytest.mark.parametrize("case", CASES, ids=named)
-def test_draws_have_the_covariance_of_the_block(case: tuple[Distribution, float, bool]) -> None:
+def test_draws_have_the_covariance_of_the_rule(case: tuple[Distribution, float, bool]) -> None:
     law, correlation, phase = case
-    block = Block(0, 0, 2, 2, law, correlation, phase)
-    drawn = block.standard(points(block.variates.stop))
+    rule = SamplingRule(0, 0, 2, 2, law, correlation, phase)
+    drawn = rule.standard(points(rule.variates.stop))
     assert drawn.shape == (2**15, 4)
     np.testing.assert_allclose(drawn.mean(axis=0), 0, atol=2e-3)
-    np.testing.assert_allclose(np.cov(drawn.T), of_block(block), atol=3e-3 * max(1, law.variance))
+    np.testing.assert_allclose(np.cov(drawn.T), of_rule(rule), atol=3e-3 * max(1, law.variance))
 
 
 @pytest.mark.parametrize("law", SCALARS, ids=lambda law: law.name)
 @given(correlation=st.floats(0.05, 0.95))
 @settings(max_examples=5, deadline=None)
 def test_correlation_asked_is_the_pearson_correlation_of_the_values(law: Distribution, correlation: float) -> None:
-    block = Block(0, 0, 3, 1, law, correlation)
-    got = np.corrcoef(block.standard(points(4)).T)
+    rule = SamplingRule(0, 0, 3, 1, law, correlation)
+    got = np.corrcoef(rule.standard(points(4)).T)
     np.testing.assert_allclose(got[np.triu_indices(3, 1)], correlation, atol=4e-3)
 
 
 def test_full_correlation_is_one_value_for_all_instances() -> None:
     for law in (*SCALARS, *PLANES):
-        drawn = Block(0, 0, 3, 2, law, 1.0).standard(points(2, 4)[:, : 1 if law.name == "ring" else 2])
+        drawn = SamplingRule(0, 0, 3, 2, law, 1.0).standard(points(2, 4)[:, : 1 if law.name == "ring" else 2])
         np.testing.assert_array_equal(drawn[:, :2], drawn[:, 2:4])
         np.testing.assert_array_equal(drawn[:, :2], drawn[:, 4:])
 
 
 def test_random_phase_leaves_the_lengths_and_takes_the_rest() -> None:
-    block = Block(0, 0, 2, 2, Rayleigh(), 1.0, True)
-    a, b = np.moveaxis(block.standard(points(block.variates.stop, 12)).reshape(-1, 2, 2), 1, 0)
+    rule = SamplingRule(0, 0, 2, 2, Rayleigh(), 1.0, True)
+    a, b = np.moveaxis(rule.standard(points(rule.variates.stop, 12)).reshape(-1, 2, 2), 1, 0)
     np.testing.assert_allclose(np.hypot(*a.T), np.hypot(*b.T), rtol=1e-12)
     turn = np.angle((a[:, 0] + 1j * a[:, 1]) / (b[:, 0] + 1j * b[:, 1]))
     assert np.histogram(turn, bins=8, range=(-np.pi, np.pi))[0] == pytest.approx(512, abs=60)
@@ -89,28 +89,28 @@ def test_random_phase_leaves_the_lengths_and_takes_the_rest() -> None:
 
 def test_random_phase_takes_no_variates_where_phases_are_random_anyway() -> None:
     for law, free in ((Rayleigh(), True), (Circle(), True), (Ring(), True), (Normal(), False), (Uniform(), False)):
-        plain, turned = (Block(0, 0, 4, 2, law, 0.0, phase).variates.stop for phase in (False, True))
+        plain, turned = (SamplingRule(0, 0, 4, 2, law, 0.0, phase).variates.stop for phase in (False, True))
         assert (plain == turned) == free
 
 
 @given(st.lists(st.sampled_from(CASES), min_size=1, max_size=6), st.integers(1, 4))
 @settings(max_examples=30, deadline=None)
-def test_blocks_share_out_variates_and_components_without_a_rest(
+def test_rules_share_out_variates_and_components_without_a_rest(
     cases: list[tuple[Distribution, float, bool]], instances: int
 ) -> None:
-    blocks: list[Block] = []
+    rules: list[SamplingRule] = []
     for law, correlation, phase in cases:
-        last = blocks[-1] if blocks else None
+        last = rules[-1] if rules else None
         first = (last.variates.stop, last.components.stop) if last else (0, 0)
-        blocks.append(Block(*first, instances, 2, law, correlation, phase))
-    count = blocks[-1].components.stop
-    entry = np.repeat(np.arange(len(blocks)), 2 * instances)
-    made = Stack(np.zeros(3), np.ones((count, 3)), (), entry, np.ones(len(blocks)), ("",) * len(blocks), tuple(blocks))
+        rules.append(SamplingRule(*first, instances, 2, law, correlation, phase))
+    count = rules[-1].components.stop
+    entry = np.repeat(np.arange(len(rules)), 2 * instances)
+    made = Stack(np.zeros(3), np.ones((count, 3)), (), entry, np.ones(len(rules)), ("",) * len(rules), tuple(rules))
     drawn = made.standard(np.random.default_rng(0).random((5, made.dimensions)))
     assert drawn.shape == (5, count)
     assert np.isfinite(drawn).all()
     assert made.variate_entry.size == made.dimensions
-    assert np.array_equal(np.unique(made.variate_entry), np.arange(len(blocks)))
+    assert np.array_equal(np.unique(made.variate_entry), np.arange(len(rules)))
     grouped = np.concatenate([group.components.ravel() for group in made.worst_groups])
     assert np.array_equal(np.sort(grouped), np.arange(count))
     assert of_stack(made).shape == (count, count)
@@ -146,7 +146,7 @@ def test_a_variate_moves_its_own_entry_alone() -> None:
 def test_groups(
     law: Distribution, correlation: float, phase: bool, kind: str, shapes: list[tuple[int, int]], radius: float
 ) -> None:
-    groups = Block(0, 3, 2, 2, law, correlation, phase).worst_groups()
+    groups = SamplingRule(0, 3, 2, 2, law, correlation, phase).worst_groups()
     assert [g.components.shape for g in groups] == shapes
     assert {g.kind for g in groups} == {kind}
     assert {g.radius for g in groups} == {radius}
@@ -155,9 +155,9 @@ def test_groups(
 
 @pytest.mark.parametrize("case", [c for c in CASES if c[0].name not in ("normal", "rayleigh")], ids=named)
 def test_bounded_draws_stay_in_their_groups(case: tuple[Distribution, float, bool]) -> None:
-    block = Block(0, 0, 2, 2, *case)
-    drawn = block.standard(points(block.variates.stop, 10))
-    for group in block.worst_groups():
+    rule = SamplingRule(0, 0, 2, 2, *case)
+    drawn = rule.standard(points(rule.variates.stop, 10))
+    for group in rule.worst_groups():
         for instance in group.components:
             assert np.hypot.reduce(drawn[:, instance], axis=1).max() <= group.radius + 1e-12
 

@@ -11,7 +11,7 @@ import pytest
 import rverror
 from pages import without_scripts
 from rverror.app.command_line import main
-from rverror.app.terminal import Progress
+from rverror.app.terminal import ProgressLine
 from rverror.base.units import ARCSEC
 
 MODEL = 'name = "joint 3 <b>"\n[reducer]\npreset = "RV-40E"\n'
@@ -73,7 +73,7 @@ def test_a_budget_page_tells_the_yield_and_what_an_interval_is_of(written: Path)
     assert "Error budget: joint 3 &lt;b&gt;" in page
     for words in (
         "Yield at 60 arcsec peak-to-peak",
-        "95 % interval of the Monte Carlo estimate, not how far units scatter",
+        "of the Monte Carlo estimate, not of the scatter of units",
         "change the offset of the output angle alone, or nothing: coupling.carrier_bore_position",
     ):
         assert words in page
@@ -114,7 +114,7 @@ def test_text_and_progress_of_a_budget_at_the_load() -> None:
         assert any(line.startswith(start) for line in said)
     text = rverror.to_text(found, limit=20 * ARCSEC)
     assert "512 virtual units" in text
-    assert "Low to high: the 95 % interval of the Monte Carlo estimate" in text
+    assert "Intervals: 95 %, of the Monte Carlo estimate" in text
     page = rverror.to_html(found, limit=20 * ARCSEC)
     assert "transmission error at 412 N*m" in page
     assert "Sobol total, transmission error at 412 N*m" in page
@@ -138,7 +138,7 @@ def test_progress_is_one_line_of_a_terminal_else_lines(
     ):
         monkeypatch.setattr("sys.stderr.isatty", lambda terminal=terminal: terminal)
         clock[0] = 0.0
-        with Progress() as progress:
+        with ProgressLine() as progress:
             clock[0] = 3.0
             progress("65536 virtual units: 6 %")
         said = capsys.readouterr().err

@@ -225,9 +225,9 @@ def test_the_fall_is_credited_to_what_made_it(result: Outcome) -> None:
     """Mean squares of 25, 16 and 1: refitting takes 9 of 24, what was added 15."""
     sizes = {"before": 5.0, "before_refitted": 4.0, "after": 1.0}
     parts = {name: replace(result.diagnosis.after, heldout_rms=size * ARCSEC) for name, size in sizes.items()}
-    assert "62 % are due to what was added" in to_text(replace(result.diagnosis, **parts))
+    assert "62 % is due to what was added" in to_text(replace(result.diagnosis, **parts))
     parts["before_refitted"] = parts["before"]
-    assert "are due to what was added" not in to_text(replace(result.diagnosis, **parts))
+    assert "is due to what was added" not in to_text(replace(result.diagnosis, **parts))
 
 
 def test_json_is_the_diagnosis_to_six_digits(result: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -319,14 +319,15 @@ def test_text_says_what_the_runs_tell_of_stiffness_and_names_the_rest() -> None:
         ["gear_backlash", "20", "um", "31", "29", "to", "33", "yes"],
     ]
     assert "These runs do not determine crank_bearing, flank_exponent." in lines
-    whole = to_text(replace(diagnosis(), elastic=tuple(replace(row, told=True) for row in ELASTIC)))
+    whole = to_text(replace(diagnosis(), elastic=tuple(replace(row, determined=True) for row in ELASTIC)))
     assert "do not determine" not in whole
     assert "Stiffness" not in to_text(diagnosis(mechanism=DRIVE))
 
 
 def test_json_holds_all_of_it_in_the_units_of_people() -> None:
-    told = tuple(replace(row, told=np.bool_(row.told)) for row in ELASTIC)  # as comparing arrays makes it
-    rows = strict_json(json.dumps(to_json(replace(diagnosis(), elastic=told))))["stiffness"]
+    # as comparing arrays makes it
+    elastic = tuple(replace(row, determined=np.bool_(row.determined)) for row in ELASTIC)
+    rows = strict_json(json.dumps(to_json(replace(diagnosis(), elastic=elastic))))["stiffness"]
     keys = ("name", "unit", "declared", "value", "low", "high", "told")
     assert all(tuple(row) == keys for row in rows)
     assert [tuple(row.values()) for row in rows] == [

@@ -21,6 +21,7 @@ from rverror.app.terminal import make_folder
 from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
 from rverror.base.numbers import brief
+from rverror.base.progress import Progress
 from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
@@ -43,7 +44,6 @@ COLUMNS = "unit,state,verdict,keys,heldout_rms_before,heldout_rms_after,rms_unit
 _OWN_SUMMARY, _OWN_PAGE = "unit,state,", "<title>rverror"  # what files of any version hold
 _MOST_WORKERS = 61  # a limit of Windows
 
-Progress = Callable[[str], None]
 #: What a worker sends back: what became of the unit, content of the result and page, empty where it failed.
 _Answer = tuple["UnitOutcome", str, str]
 
@@ -276,8 +276,8 @@ def _earlier(unit: _Unit) -> UnitOutcome | None:
     except (InputError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None  # no result, or of inputs that cannot be read any more
     # the page is of that result if it has its version and inputs
-    told = unit.page is None or all(word in page for word in (__version__, *files.values()))
-    return outcome if told and data["version"] == __version__ and files == now else None
+    same_page = unit.page is None or all(word in page for word in (__version__, *files.values()))
+    return outcome if same_page and data["version"] == __version__ and files == now else None
 
 
 def _outcome(unit: _Unit, data: Mapping[str, Any]) -> UnitOutcome:
@@ -328,7 +328,7 @@ def _work(executor: Executor, units: Sequence[_Unit], tell: Progress) -> dict[st
         for done, future in enumerate(as_completed(pending), start=1):
             unit = pending[future]
             outcomes[unit.name] = _finish(unit, future)
-            tell(f"{done} of {len(units)} units: {told(outcomes[unit.name])}")
+            tell(f"{done} of {len(units)} units: {one_line(outcomes[unit.name])}")
     finally:
         for future in pending:
             future.cancel()
@@ -357,7 +357,7 @@ def _lost(problem: Exception) -> str:
     return " ".join(f"the worker was lost ({kind}); {remedy}".split())
 
 
-def told(outcome: UnitOutcome) -> str:
+def one_line(outcome: UnitOutcome) -> str:
     """Outcome in one line."""
     if outcome.state == "failed":
         return f"{outcome.unit}: failed: {outcome.error}"
@@ -375,8 +375,8 @@ def _summary(batch: Batch) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS.split(","))
     for outcome in batch.outcomes:
-        told = replace(outcome, seconds=None if outcome.seconds is None else round(outcome.seconds, 2))
-        writer.writerow([f"{cell:g}" if isinstance(cell, float) else in_words(cell) for cell in astuple(told)])
+        row = replace(outcome, seconds=None if outcome.seconds is None else round(outcome.seconds, 2))
+        writer.writerow([f"{cell:g}" if isinstance(cell, float) else in_words(cell) for cell in astuple(row)])
     return text.getvalue()
 
 
@@ -404,11 +404,11 @@ def overview(batch: Batch, title: str) -> str:
     rows = [_row(outcome, verdict) for outcome, verdict in zip(ordered, verdicts, strict=True)]
     heads = ("unit", "verdict", "causes, or what went wrong", "rms before", "rms after")
     notes = "".join(f'<p class="soft">{escaped(note)}</p>' for note in batch.notes)
-    told = "rms: residual of stretches that no fit saw, of the declared model and with the causes that were added"
+    meaning = "rms: residual of stretches that no fit saw, of the declared model and with the causes that were added"
     body = (
         f'<h1>{escaped(title)}</h1>\n<p class="soft">{len(ordered)} units, rverror {escaped(__version__)}</p>\n'
         f'<p>{escaped(counts)}</p>\n<div class="units">{table(heads, rows, numbers=(3, 4))}</div>\n'
-        f'<p class="soft">{told}</p>\n{notes}'
+        f'<p class="soft">{meaning}</p>\n{notes}'
     )
     return document(f"rverror: batch {title}", body)
 

@@ -85,7 +85,7 @@ def _silence_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def parser_of(asked: str) -> argparse.ArgumentParser:
+def parser_of(name: str) -> argparse.ArgumentParser:
     """Parser of the command that is asked for, and those beside it; of all where it is none."""
     known = set(chain.from_iterable(COMMANDS.values()))
     parser = _Parser(
@@ -95,7 +95,7 @@ def parser_of(asked: str) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     for module, names in COMMANDS.items():
-        if asked in names or asked not in known:
+        if name in names or name not in known:
             add_commands(commands, import_module(f"rverror.app.{module}"))
 
     return parser

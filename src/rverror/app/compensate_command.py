@@ -12,7 +12,7 @@ from rverror.app.terminal import (
     MAPPING,
     MODEL,
     RUNS,
-    Progress,
+    ProgressLine,
     choice,
     command,
     flag,
@@ -30,7 +30,7 @@ from rverror.base.numbers import with_unit
 from rverror.compensation.making import compensate
 from rverror.compensation.outcome import Compensation
 from rverror.compensation.over_conditions import LEAST_CONDITIONS
-from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_told
+from rverror.compensation.table_files import FORMATS, WrittenTable, save_compensation, table_sentences
 from rverror.diagnosis.loop import diagnose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compensation import WAVE
@@ -48,7 +48,9 @@ from rverror.views.report import to_text
         **RUNS,
         **output("TABLE", "table to write", required=True),
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
-        "--torque": option('"20 N*m"', "load of the table; a json table takes several", size="torque", action="append"),
+        "--torque": option(
+            '"20 N*m"', "load of the table; repeat it for a json table of several loads", size="torque", action="append"
+        ),
         **MAPPING,
         **results(plot="the error before and after"),
         **save("NEW.toml", "write the model of the compensated unit"),
@@ -59,7 +61,7 @@ def _compensate(options: argparse.Namespace) -> None:
     """Write a table with which a controller cancels the repeatable error.
 
     Writes a table that a controller adds to its commands so that the repeatable part of the output error cancels,
-    and predicts the error that remains with it.
+    and predicts the error that remains.
     """
     if os.path.exists(options.output) and not options.force:
         raise InputError(f"{options.output}: this table exists; give another name, or --force to replace it")
@@ -91,7 +93,7 @@ def _written(made: Compensation, options: argparse.Namespace, torques: Sequence[
     table = save_compensation(
         options.output, made, format=options.format, torque=torques[0] if torques else None, overwrite=options.force
     )
-    for line in table_told(table):
+    for line in table_sentences(table):
         print(f"  {line}")
     tell(f"wrote {options.output}")
     return table
@@ -101,15 +103,15 @@ def _with_causes(
     model: Model, runs: Sequence[Run | OrderTable], unseen: Sequence[Run | OrderTable], torques: Sequence[float]
 ) -> Model:
     """The model, with causes looked for where a load is asked for of which orders alone say nothing."""
-    measured, asked = _loads(runs), [*_loads(unseen), *torques]
-    new = sorted({load for load in asked if load not in measured})
+    measured, targets = _loads(runs), [*_loads(unseen), *torques]
+    new = sorted({load for load in targets if load not in measured})
     if len(measured) >= LEAST_CONDITIONS:
         new = [load for load in new if not min(measured) <= load <= max(measured)]
     if not new or not measured or not isinstance(model.mechanism, Reducer):
         return model
     loads = ", ".join(with_unit(load, "torque") for load in new)
     tell(f"no run at {loads}: looking for causes, which predict the error at other loads")
-    with Progress() as progress:
+    with ProgressLine() as progress:
         return diagnose(model, runs, progress=progress).model
 
 

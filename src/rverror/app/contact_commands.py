@@ -85,15 +85,15 @@ _OF_FRICTION = {"model": option("MODEL.toml", "with [reducer.friction]", reads=T
 
 
 def _angles(count: int) -> dict[str, Any]:
-    told = f"number of output angles, spread over a turn (default {count})"
-    return {"--count": number(told, least=1, default=count)}
+    help_text = f"number of output angles, spread over a turn (default {count})"
+    return {"--count": number(help_text, least=1, default=count)}
 
 
 @command(
     example='unit.toml --torque "412 N*m" --torque "20 N*m"',
     options={
         **_OF_FRICTION,
-        "--torque": option('"20 N*m"', f"{_RATED}; give it again for more", size="torque", action="append"),
+        "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
         "--direction": choice(WAYS, "forward"),
         **PHASES,

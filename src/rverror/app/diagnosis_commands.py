@@ -9,12 +9,12 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, told
+from rverror.app.batch import OVERVIEW, SUMMARY, diagnose_folder, one_line
 from rverror.app.terminal import (
     MAPPING,
     MODEL,
     RUNS,
-    Progress,
+    ProgressLine,
     check_output,
     command,
     flag,
@@ -57,7 +57,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
     Compares measured runs with a model and names the part errors that the model lacks: their sizes with 95 %
-    intervals, what explains the runs equally well, and the error before and after.
+    intervals, the causes that fit equally well, and the error before and after.
     """
     model = load_model(options.model)
     runs, unseen = read_runs(options, model)
@@ -66,7 +66,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         from rverror.tolerances.tolerance_file import load_tolerances  # half of all modules, for this option alone
 
         prior = load_tolerances(options.prior, model)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         result = diagnose(model, runs, jobs=options.jobs, prior=prior, progress=progress)
     if unseen:
         result = validated(result, unseen)
@@ -98,10 +98,10 @@ def _diagnose(options: argparse.Namespace) -> None:
 def _diagnose_batch(options: argparse.Namespace) -> None:
     """Diagnose a folder of units, one subfolder each, and resume.
 
-    Diagnoses every unit of a folder, one subfolder each. Units that are done are kept, so a batch that was stopped
-    goes on when the command is given again.
+    Diagnoses every unit of a folder, one subfolder each. Finished units are kept: to continue a batch that was
+    stopped, run the command again.
     """
-    with Progress() as progress:
+    with ProgressLine() as progress:
         batch = diagnose_folder(
             options.folder,
             out=options.output,
@@ -113,7 +113,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
         )
     tell(*batch.notes)
     for outcome in batch.outcomes:
-        (tell if outcome.state == "failed" else print)(told(outcome))
+        (tell if outcome.state == "failed" else print)(one_line(outcome))
     counts = ", ".join(f"{len(batch.of(state))} {state}" for state in ("diagnosed", "kept", "failed"))
     overview = Path(options.output) / (OVERVIEW if options.pages else SUMMARY)
     print(f"{len(batch.outcomes)} units: {counts}; see {overview}")

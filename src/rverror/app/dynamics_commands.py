@@ -28,7 +28,7 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
 def _modes(options: argparse.Namespace) -> None:
     """Natural frequencies of the loaded gear train.
 
-    Computes the natural frequencies of the loaded gear train with the inertia at its ends, their damping, the
+    Computes the natural frequencies of the loaded gear train with the inertias at input and output, their damping, the
     contact that holds each mode and the part that moves most in it.
     """
     found = modes(load_model(options.model), theta=options.angle, **_state(options))
@@ -51,7 +51,7 @@ def _speeds(options: argparse.Namespace) -> None:
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
     frequency. Orders are per output turn and reach up to half the samples of a turn (2048 for an RV-40E). Higher
-    ones appear folded: 976, 584 and 1952 are the waves 3120, 4680 and 6240 of its cycloid mesh.
+    orders alias: 976, 584 and 1952 are orders 3120, 4680 and 6240 of its cycloid mesh.
     """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)

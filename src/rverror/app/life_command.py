@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Sequence
 
-from rverror.app.terminal import MAPPING, Progress, check_outputs, command, named, option, results, write_results
+from rverror.app.terminal import MAPPING, ProgressLine, check_outputs, command, named, option, results, write_results
 from rverror.base.errors import InputError
 from rverror.base.text import check_name
 from rverror.life.compared import compare_runs
@@ -31,7 +31,7 @@ _OUTPUTS = {**MAPPING, **results()}
         ),
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
-            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long it will still be met"
+            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long the unit still meets it"
         ),
         **_OUTPUTS,
     },
@@ -39,14 +39,14 @@ _OUTPUTS = {**MAPPING, **results()}
 def _trend(options: argparse.Namespace) -> None:
     """What grows or jumps in a unit that is measured repeatedly.
 
-    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long a
-    limit will still be met.
+    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long
+    the unit still meets a limit.
     """
     wanted = _limit(options.limit)
     paths = _listed(options, options.runs)
     model, mapping = load_model(options.model), given_mapping(options.mapping)
     runs = [read_run(path, model, mapping) for path in paths]
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = trend(model, runs, limit=wanted, progress=progress)
     write_results(found, options)
 
@@ -70,7 +70,7 @@ def _compare_runs(options: argparse.Namespace) -> None:
     mapping = given_mapping(options.mapping)
     model = None if options.model is None else load_model(options.model)
     before, after = ([read_run(path, model, mapping) for path in side] for side in sides)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = compare_runs(before, after, model, progress=progress)
     write_results(found, options)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from rverror.app.batch import processes
 from rverror.app.terminal import (
     MAPPING,
-    Progress,
+    ProgressLine,
     check_outputs,
     command,
     number,
@@ -48,8 +48,8 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
     options={
         "parts": option(
             "FOLDER",
-            "each subfolder with runs is a unit, units.csv has their order and labels; or a file of --compress; "
-            "several are parts of one lot",
+            "each subfolder with runs is a unit, units.csv gives their order and labels; or a file that --compress "
+            "wrote; several make up one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
@@ -75,11 +75,11 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
 def _lot(options: argparse.Namespace) -> None:
     """Scatter of each process, or orders that drives share, from many measured units.
 
-    Estimates from the runs of many finished units how far each manufacturing process scatters and how far its mean
-    is off, and names units that do not belong to the lot.
+    Estimates from the runs of many finished units the scatter and the systematic error of each manufacturing process,
+    and names units that do not belong to the lot.
     """
     if options.compress is not None and len(options.outputs) > 1:
-        raise InputError("--compress: it tells of no process, so no result is written; leave out the other outputs")
+        raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")
     model = load_model(options.model)
     drive = isinstance(model.mechanism, Drive)
     for name in ("tolerances", "save") if drive else ():
@@ -96,18 +96,18 @@ def _lot(options: argparse.Namespace) -> None:
     if options.compress is not None:
         _compress(inputs, options)
         return
-    with Progress() as progress:
+    with ProgressLine() as progress:
         with _workers(options.jobs, inputs) as executor:
             amplitudes = inputs.amplitudes(executor=executor, progress=progress)
         if drive:
-            told: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
+            result: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
         else:
             found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-            told = _diagnosed(found, inputs, options.diagnose, progress)
-    _write(told, options)
+            result = _diagnosed(found, inputs, options.diagnose, progress)
+    _write(result, options)
 
 
-def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> Lot:
+def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: ProgressLine) -> Lot:
     """The least likely members with their own diagnosis, where their runs are at hand."""
     wanted, model = {one.serial for one in found.outsiders[:most]}, inputs.model
     runs = {unit.serial: unit.read(model, inputs.mapping).runs for unit in inputs.unread if unit.serial in wanted}
@@ -119,7 +119,7 @@ def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: Progress) -> 
 
 def _compress(inputs: LotInputs, options: argparse.Namespace) -> None:
     say_replaced(options.compress)
-    with Progress() as progress, _workers(options.jobs, inputs) as executor:
+    with ProgressLine() as progress, _workers(options.jobs, inputs) as executor:
         done = inputs.compressed(options.compress, overwrite=True, executor=executor, progress=progress)
     tell(*inputs.notes)
     print(f"{options.compress}: {count_of(done.units, 'unit')}, the runs of {done.read} read now")

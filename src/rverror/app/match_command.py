@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from rverror.app.terminal import (
-    Progress,
+    ProgressLine,
     command,
     flag,
     named,
@@ -41,7 +41,7 @@ from rverror.views.report import to_csv
         "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
         "--cost": option(
             "matching=2.5",
-            f"cost of a way of building, for each unit; give it again for others ({', '.join(WAYS)})",
+            f"cost per unit of a way of assembly; repeat it for others ({', '.join(WAYS)})",
             action="append",
             default=[],
         ),
@@ -64,7 +64,7 @@ def _match(options: argparse.Namespace) -> None:
         limits = [one for one in limits_of(options, model) if one.value is not None]
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
     tell(*read.notes)
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = match(model, read.parts, limits, turns=options.turns, costs=costs, seed=options.seed, progress=progress)
     write_results(found, options)
     if options.save:

@@ -35,8 +35,8 @@ from rverror.parts.unit import mounted_parts, places_in_list, unit_error, unit_o
 def _parts(options: argparse.Namespace) -> None:
     """Errors of measured parts, from files of measuring machines.
 
-    Reads what measuring machines write about parts and writes their errors: a table of parts, or the model of the
-    unit that is built of them. It needs a mapping that says which column is which error; --draft begins one.
+    Reads the files of measuring machines and writes the errors of the parts, as a table of parts or as the model of
+    the unit built of them. A mapping says which column is which error; --draft writes a first version of it.
     """
     target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:

@@ -36,7 +36,7 @@ _FILES = ("case.npz", "case.json")
     example="--output cases --case one-cam",
     options={
         **output("FOLDER", "where to write; each case has a folder in it", writes=False, required=True),
-        "--case": option("NAME", "write only this case; give it again for more", action="append", default=[]),
+        "--case": option("NAME", "write only this case; repeat it for more", action="append", default=[]),
     },
 )
 def _reference_cases(options: argparse.Namespace) -> None:
@@ -77,8 +77,8 @@ def _compare(options: argparse.Namespace) -> None:
 
     Compares a waveform from another tool with a reference case and lists how far it is off, in total and by order.
     """
-    told = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
-    options.inputs[1:1] = [str(told), str(told.with_name("case.npz"))]
+    case_file = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
+    options.inputs[1:1] = [str(case_file), str(case_file.with_name("case.npz"))]
     check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None

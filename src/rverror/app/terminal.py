@@ -32,7 +32,7 @@ _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
 
 
-class Progress:
+class ProgressLine:
     """Progress on standard error once it takes over two seconds: one line on a terminal, else a line now and then."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Progress:
         else:
             print(line, file=sys.stderr, flush=True)
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> ProgressLine:
         """Begin."""
         return self
 
@@ -145,7 +145,7 @@ RUNS: Mapping[str, Option] = {
     ),
 }
 MAPPING: Mapping[str, Option] = {
-    "--mapping": option("BENCH.toml", "mapping file: the bench's names of its columns, and their units", reads=True)
+    "--mapping": option("BENCH.toml", "mapping file: the bench's column names and their units", reads=True)
 }
 WIDTHS: Mapping[str, Option] = {
     "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
@@ -375,8 +375,8 @@ def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str
 
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
     """Option that gives a load over the angle."""
-    told = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
-    return {"--arm": option(f'"{_ARM}"', told)}
+    help_text = f"{what}: mass, lever arm, output angle at which the arm is level and forward motion lifts it{more}"
+    return {"--arm": option(f'"{_ARM}"', help_text)}
 
 
 def arm(text: str) -> GravityArm:
@@ -393,8 +393,7 @@ def arm(text: str) -> GravityArm:
 PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
-        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; give it again for each "
-        "phase",
+        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; repeat it for each phase",
         action="append",
     )
 }

@@ -9,7 +9,7 @@ from rverror.app.terminal import (
     MODEL,
     WAY,
     Option,
-    Progress,
+    ProgressLine,
     arm,
     arm_option,
     choice,
@@ -110,7 +110,7 @@ def _budget(options: argparse.Namespace) -> None:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("--yield", "--loaded-units"), unused)
     limits = limits_of(options, model) if at_load else ()
-    with Progress() as progress:
+    with ProgressLine() as progress:
         found = error_budget(
             model,
             tolerances,
@@ -135,8 +135,9 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what the limit is for: units solved under load (default), or in closed form, all contacts closed: "
-            "a quantile of the peak-to-peak (yield; the default for a drive and with --speed), or its worst case",
+            "what the limit applies to: units solved under load (load, the default); or, in closed form with all "
+            "contacts closed, a quantile of the peak-to-peak (yield, the default for a drive and with --speed) or its "
+            "worst case (worst)",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),
@@ -152,7 +153,7 @@ def _allocate(options: argparse.Namespace) -> None:
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
         options.kind = "yield"
     front: Sequence[FrontPoint] = ()
-    with Progress() as progress:
+    with ProgressLine() as progress:
         if options.kind == "load":
             found = _allocated_at_load(options, model, tolerances, progress)
         else:
@@ -165,7 +166,7 @@ def _allocate(options: argparse.Namespace) -> None:
 
 
 def _allocated_at_load(
-    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: Progress
+    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: ProgressLine
 ) -> Allocation:
     if options.limit is None:
         if not any(_given(options, name) for name in _LIMITED):
@@ -184,7 +185,7 @@ def _allocated_at_load(
 
 
 def _allocated_in_closed_form(
-    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: Progress
+    options: argparse.Namespace, model: Model, tolerances: Sequence[Tolerance], progress: ProgressLine
 ) -> tuple[Allocation, Sequence[FrontPoint]]:
     unused = f"the closed form knows no load; leave it out, or leave out --kind {options.kind}"
     if not isinstance(model.mechanism, Reducer):
@@ -205,10 +206,10 @@ def _allocated_in_closed_form(
         seed=options.seed,
         progress=progress,
     )
-    asked = front[factors.index(1.0)]
-    if asked.allocation is None:
-        raise InputError(asked.reason)
-    return asked.allocation, front
+    at_limit = front[factors.index(1.0)]
+    if at_limit.allocation is None:
+        raise InputError(at_limit.reason)
+    return at_limit.allocation, front
 
 
 def _given(options: argparse.Namespace, name: str) -> bool:

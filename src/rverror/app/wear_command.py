@@ -43,15 +43,15 @@ _COEFFICIENT = "1e-10 mm^3/(N*m)"
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
             f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
-            f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Give "
-            "it again for more",
+            f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). "
+            "Repeat it for more",
             action="append",
             required=True,
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
             "running in: depth of the roughness that wears off and wear coefficient of the new surface, of all "
-            "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Give it again for more",
+            "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],
         ),
@@ -66,7 +66,7 @@ def _wear(options: argparse.Namespace) -> None:
     """Wear of pins, discs and gears over hours of operation.
 
     Computes how pins, discs, gears and bearings wear over hours of operation, and the output error and lost motion
-    that follow. The wear coefficients are yours to give; none are assumed.
+    that follow. You give the wear coefficients; none are assumed.
     """
     model = load_model(options.model)
     with named():

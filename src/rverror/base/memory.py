@@ -31,5 +31,5 @@ def keep_freed_memory() -> bool:
         return False
     if tell(_M_MMAP_THRESHOLD, _LARGEST) != 1:
         return False
-    told = tell(_M_TRIM_THRESHOLD, _KEPT), tell(_M_TOP_PAD, _AT_ONCE)
-    return told == (1, 1)
+    set_both = tell(_M_TRIM_THRESHOLD, _KEPT), tell(_M_TOP_PAD, _AT_ONCE)
+    return set_both == (1, 1)

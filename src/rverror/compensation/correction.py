@@ -72,8 +72,8 @@ class Correction:
         orders, cases = self.orders, [c for c in self.table.cases if c.condition.direction == condition.direction]
         if not cases:
             return orders, np.zeros(orders.size, dtype=np.complex128)
-        off = [_distance(case.condition, condition) for case in cases]
-        near = [case for case, far in zip(cases, off, strict=True) if far == min(off)]
+        distances = [_distance(case.condition, condition) for case in cases]
+        near = [case for case, far in zip(cases, distances, strict=True) if far == min(distances)]
         loads = {case.condition.torque: waves_at(orders, case.orders, case.waves) for case in near}
         if condition.torque in loads or condition.torque is None or None in loads:
             return orders, loads.get(condition.torque, next(iter(loads.values())))
@@ -231,12 +231,12 @@ def from_effects(ratio: float, effects: Sequence[Effect]) -> Correction:
 
 def _distance(one: TableCondition, other: TableCondition) -> int:
     """How far two conditions are apart beside their load: in twentieths of the speed and in steps of 2 K."""
-    off = 0.0
+    distance = 0.0
     if one.input_speed and other.input_speed:
-        off += abs(math.log(one.input_speed / other.input_speed)) // 0.05
+        distance += abs(math.log(one.input_speed / other.input_speed)) // 0.05
     if one.temperature is not None and other.temperature is not None:
-        off += abs(one.temperature - other.temperature) // 2
-    return int(off)
+        distance += abs(one.temperature - other.temperature) // 2
+    return int(distance)
 
 
 def waves_at(wanted: Array, orders: Array, waves: Waves) -> Waves:

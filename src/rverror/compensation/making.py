@@ -28,7 +28,7 @@ from rverror.compensation.repeating import (
     records_of,
     repeating_orders,
 )
-from rverror.geartrain.kinematics import Conditions, samples_needed, true_period
+from rverror.geartrain.kinematics import OperatingConditions, samples_needed, true_period
 from rverror.geartrain.mechanism import Reducer, core_torque
 from rverror.model.catalogue import source
 from rverror.model.compensation import WAVE
@@ -95,18 +95,20 @@ class PredictedWaves:
             )
         count = turns * (samples_needed(mechanism) if isinstance(mechanism, Reducer) else _PLAIN)
         theta = turns * _TURN * np.arange(count) / count
-        where = Conditions(theta, condition.direction, condition.torque or None, temperature=condition.temperature)
+        where = OperatingConditions(
+            theta, condition.direction, condition.torque or None, temperature=condition.temperature
+        )
         error = predict(replace(self.model, effects=self.corrected), where).transmission_error
         lines = 2 * np.fft.rfft(error)[1 : count // 2] / count
         strong = np.flatnonzero(np.abs(lines) > max(_TINY * np.abs(lines).max(), 1e-3 * _TINY * units.ARCSEC))
         return (strong + 1) / turns, np.asarray(lines[strong], dtype=np.complex128)
 
-    def __call__(self, where: Conditions, condition: TableCondition) -> tuple[Array, Array]:
+    def __call__(self, where: OperatingConditions, condition: TableCondition) -> tuple[Array, Array]:
         """What the model makes of the error, and what of that no table can take, rad."""
         slow = self._added(self.slow, where)
         return wave_sum(where.theta, *self.waves(condition)) + slow + self._added(self.old, where), slow
 
-    def _added(self, effects: tuple[Effect, ...], where: Conditions) -> Array:
+    def _added(self, effects: tuple[Effect, ...], where: OperatingConditions) -> Array:
         if not effects:
             return np.zeros(where.theta.size)
         return predict(replace(self.model, effects=effects), where).transmission_error
@@ -176,7 +178,7 @@ def compensate(
     if not runs:
         raise InputError("compensate: there is no run; give one or more")
     index = _one_zero([*runs, *unseen])
-    asked = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
+    loads = [core_torque(model.mechanism, torque, name="torques") for torque in torques]
     notes: list[str] = []
     predicted = PredictedWaves(model, notes, marked=index != "unknown")
     data = _gathered(predicted, runs, notes)
@@ -184,7 +186,7 @@ def compensate(
         predicted = PredictedWaves(replace(model, effects=predicted.passive), notes, marked=False)
         data = _gathered(predicted, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
-    made = _made(predicted, data, _wanted(model, data, unseen, asked), notes)
+    made = _made(predicted, data, _wanted(model, data, unseen, loads), notes)
     tested = [_tested(predicted, made.correction, one) for one in unseen]
     return replace(
         made,
@@ -274,15 +276,15 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
             notes.append(f"no {way(sense)} run: nothing is corrected in that direction")
             continue
         measured = [row.condition for row in own]
-        asked = list(dict.fromkeys([*measured, *(c for c in wanted if c.direction == sense)]))
-        notes += _outside(measured, asked, bool(predicted.corrected))
+        targets = list(dict.fromkeys([*measured, *(c for c in wanted if c.direction == sense)]))
+        notes += _outside(measured, targets, bool(predicted.corrected))
         sides.append(_side(own))
-        for condition in asked:
+        for condition in targets:
             orders, waves = sides[-1].waves(condition)
-            told, model_waves = predicted.waves(condition)
-            sides[-1].words.update({k: "predicted" for k in told.tolist() if k not in sides[-1].words})
-            every = np.union1d(orders, told)
-            total = waves_at(every, orders, waves) + waves_at(every, told, model_waves)
+            model_orders, model_waves = predicted.waves(condition)
+            sides[-1].words.update({k: "predicted" for k in model_orders.tolist() if k not in sides[-1].words})
+            every = np.union1d(orders, model_orders)
+            total = waves_at(every, orders, waves) + waves_at(every, model_orders, model_waves)
             cases.append(OrderCase(condition=condition, orders=every, waves=-total))
     model = predicted.model
     correction = Correction(model.mechanism.ratio, OrderTable(cases=tuple(cases)), _reach(data))
@@ -360,7 +362,7 @@ def _side(own: Sequence[OrderCase]) -> _Side:
     )
 
 
-def _outside(measured: Sequence[TableCondition], asked: Sequence[TableCondition], named: bool) -> list[str]:
+def _outside(measured: Sequence[TableCondition], targets: Sequence[TableCondition], named: bool) -> list[str]:
     """Warnings of conditions outside of what was measured."""
     notes = []
     for name, dimension in VARIABLES.items():
@@ -368,7 +370,7 @@ def _outside(measured: Sequence[TableCondition], asked: Sequence[TableCondition]
         if not known:
             continue
         low, high = min(known), max(known)
-        values = {v for c in asked if (v := getattr(c, name)) is not None}
+        values = {v for c in targets if (v := getattr(c, name)) is not None}
         beyond = sorted(v for v in values if not low * (1 - 1e-6) <= v <= high * (1 + 1e-6))
         held = "waves are taken as at the nearest that was"
         if named and name == "torque":
@@ -429,22 +431,24 @@ def _listed(
 
 def _stays(data: _Data, taken: set[float], after: HeldError) -> tuple[str, ...]:
     """What stays, and why."""
-    told = [f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"]
+    reasons = [
+        f"{in_arcsec(after.rms, 3):g} arcsec rms of what was left out: noise, and what differs from time to time"
+    ]
     if not taken and data.records:
         count = max(record.candidates.size for record in data.records)
-        told.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
+        reasons.append(f"no order of {count} stands out of the noise by more than chance and lowers what was left out")
     if not taken and data.tables:
-        told.append("no order has a law over the conditions that predicts those left out")
+        reasons.append("no order has a law over the conditions that predicts those left out")
     known = {k for case, _ in data.tables for k in case.orders.tolist()}
     if lost := sorted(known - taken):
-        told.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
+        reasons.append(f"orders {', '.join(map(brief, lost))}: no law predicts the conditions left out")
     if known:
-        told.append("orders that the table does not hold: nothing is known of them")
+        reasons.append("orders that the table does not hold: nothing is known of them")
     if folded := {brief(k) for record in data.records for k in record.folded}:
         images = ", ".join(sorted(folded)[:_MOST_LISTED])
-        told.append(f"orders {images}: the mesh orders of the gears fold onto them; measure more samples a turn")
-    told.append("windup and play: a constant for each direction and load, which a run does not tell from its offset")
-    return tuple(told)
+        reasons.append(f"orders {images}: the mesh orders of the gears fold onto them; measure more samples a turn")
+    reasons.append("windup and play: a constant for each direction and load, which a run does not tell from its offset")
+    return tuple(reasons)
 
 
 # --- data that no fit saw ---------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from rverror.base.errors import refusing
 from rverror.base.numbers import way
 from rverror.base.units import ARCSEC
 from rverror.compensation.correction import waves_at
-from rverror.geartrain.kinematics import Conditions, folded_order, fundamental_orders
+from rverror.geartrain.kinematics import OperatingConditions, folded_order, fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
 from rverror.runs.faults import find_faults
@@ -141,10 +141,10 @@ class RepeatingOrders:
 
 
 #: What a model makes of the error under conditions, and what of that no table can take, rad.
-Foretells = Callable[[Conditions, TableCondition], tuple[Array, Array]]
+PredictsWaves = Callable[[OperatingConditions, TableCondition], tuple[Array, Array]]
 
 
-def records_of(run: Run, model: Model, predicts: Foretells, notes: list[str]) -> list[DirectedRun]:
+def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]) -> list[DirectedRun]:
     """One for each direction of a run.
 
     Parameters

@@ -383,19 +383,19 @@ def _triplets(lines: list[str], delimiter: str | None) -> Array:
     return np.radians(rows).T
 
 
-def table_told(table: WrittenTable) -> list[str]:
+def table_sentences(table: WrittenTable) -> list[str]:
     """What the form of a table costs, in lines."""
     load = "" if table.torque is None else f" at {units.to_display(table.torque, 'torque'):g} N*m"
-    told = []
+    lines = []
     if table.points:
-        told.append(
-            f"table{load} of {table.points} points: straight lines between them leave "
-            f"{brief(table.between / ARCSEC, 2)} arcsec rms; {brief(table.expected / ARCSEC, 3)} are expected with it"
+        lines.append(
+            f"Table{load}, {table.points} points: linear interpolation leaves {brief(table.between / ARCSEC, 2)} "
+            f"arcsec rms; {brief(table.expected / ARCSEC, 3)} arcsec rms are expected with the table."
         )
-    told.append(
-        f"a zero that slips by 1 deg leaves {brief(table.slipped / ARCSEC, 3)} arcsec rms of the "
-        f"{brief(table.waves / ARCSEC, 3)} that the table takes off"
+    lines.append(
+        f"If the zero is off by 1 deg, {brief(table.slipped / ARCSEC, 3)} arcsec rms remain of the "
+        f"{brief(table.waves / ARCSEC, 3)} that the table removes."
     )
     if table.left_out:
-        told.append(f"orders {', '.join(map(brief, table.left_out))} stay: a {table.format} table cannot hold them")
-    return told
+        lines.append(f"A {table.format} table cannot hold orders {', '.join(map(brief, table.left_out))}: they remain.")
+    return lines

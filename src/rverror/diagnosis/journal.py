@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rverror.diagnosis.result import Fate, Progress
+from rverror.base.progress import Progress
+from rverror.diagnosis.result import Fate
 from rverror.geartrain.source import IndexValue
 
 Name = tuple[str, Mapping[str, IndexValue]]

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from rverror.base.errors import InputError, check_each
+from rverror.base.progress import Progress
 from rverror.base.threads import at_most, cores
 from rverror.diagnosis.gears.reducers import diagnose_reducer
 from rverror.diagnosis.orders.runs_by_order import passport_of_runs, resonances_of_runs
 from rverror.diagnosis.orders.tables import diagnose_tables
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Diagnosis, Progress
+from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.samples.drives import diagnose_drive
 from rverror.diagnosis.size_prior import MadeTo, SizePrior
 from rverror.geartrain.mechanism import Drive

@@ -177,10 +177,10 @@ def _wandering(found: Sequence[RunNoise], residual: Array) -> RunNoise:
         for size in (0.0, *sizes[sizes <= most]):
             excess = size * shape
             variance = float(np.mean(squares / (1 + excess)))
-            off = n * (math.log(variance) + 2 * math.log(one.sigma) + float(np.log1p(excess).mean()))
-            off += (one.coefficients.size + (size > 0)) * math.log(n)
-            if off < least:
-                best, least = RunNoise(one.coefficients, one.sigma * math.sqrt(variance), math.sqrt(size)), off
+            criterion = n * (math.log(variance) + 2 * math.log(one.sigma) + float(np.log1p(excess).mean()))
+            criterion += (one.coefficients.size + (size > 0)) * math.log(n)
+            if criterion < least:
+                best, least = RunNoise(one.coefficients, one.sigma * math.sqrt(variance), math.sqrt(size)), criterion
     return best
 
 
@@ -208,7 +208,7 @@ def _autoregressive(correlation: Array, lags: int, floor: float) -> RunNoise:
 
 
 def burg(residual: Array, most: int, *, floor: float = 0.0) -> list[RunNoise]:
-    """Autoregressive noise of no lag, of one, and so on, that foretells a residual best, forward and backward (Burg).
+    """Autoregressive noise of no lag, of one, and so on, that predicts a residual best, forward and backward (Burg).
 
     No window and no end of the run makes a walk pass for less than it is: with the correlation of a run of one turn
     order 1 of a random walk came to six times its noise.
@@ -306,11 +306,11 @@ class Whitening:
         object.__setattr__(self, "_basis", np.ascontiguousarray(basis.T))
         doubts = None
         if self.doubtful is not None:  # their covariance beside noise of variance 1: large along a few waves
-            _, size, waves = np.linalg.svd(self._asked(self.filtered(self.doubtful)), full_matrices=False)
+            _, size, waves = np.linalg.svd(self._without_nuisances(self.filtered(self.doubtful)), full_matrices=False)
             doubts = np.ascontiguousarray(waves), size**2
         object.__setattr__(self, "_doubts", doubts)
 
-    def _asked(self, white: Array) -> Array:
+    def _without_nuisances(self, white: Array) -> Array:
         """Whitened rows less what nuisances make of them."""
         return np.asarray(white - (white @ self._basis.T) @ self._basis)
 
@@ -364,7 +364,7 @@ class Whitening:
 
     def __call__(self, rows: Array) -> Array:
         """Rows (k, n) whitened, less what nuisances make of them."""
-        white = self._asked(self.filtered(rows))
+        white = self._without_nuisances(self.filtered(rows))
         return white if self._doubts is None else _evened(white, *self._doubts)
 
 

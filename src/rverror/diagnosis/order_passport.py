@@ -118,7 +118,7 @@ def passport(cases: Sequence[OrderCase], *, ratio: float | None = None) -> tuple
     ...     for torque in (0.0, 2e5, 4e5)
     ... ]
     >>> (found,) = passport(table)
-    >>> found.laws[0].slope.told, found.bent
+    >>> found.laws[0].slope.significant, found.bent
     (True, False)
     """
     every = rows_of(cases)
@@ -345,5 +345,5 @@ def _shares(powers: Sequence[Mapping[str, float]]) -> dict[str, float | None]:
     """Each part's power over the sum of all."""
     summed = {name: sum(one.get(name, 0.0) for one in powers) for name in _SHARED}
     whole = sum(summed.values()) or 1.0
-    told = {name for one in powers for name in one}
-    return {called: summed[name] / whole if name in told else None for name, called in _SHARED.items()}
+    varying = {name for one in powers for name in one}
+    return {called: summed[name] / whole if name in varying else None for name, called in _SHARED.items()}

@@ -23,8 +23,8 @@ _GROWS = {
     "torque",
     "alike": ", alike in both directions: can be a deflection that does not turn with the torque, such as load that "
     "moves from contact to contact, or contacts of both sides whose stiffness varies half a wave apart",
-    "mirrored": f", by as much in both directions and with another phase: {_COMPLIANCE}; can be the stiffness of "
-    "contacts of the drive side, and of their like on the coast side, varying over the angle",
+    "mirrored": f", by the same amount in both directions with another phase: {_COMPLIANCE}, such as that of "
+    "contacts on the drive side and of their counterparts on the coast side",
     "different": f", not alike in both directions: {_COMPLIANCE} and differs between drive and coast side",
 }
 _CHANGES = {
@@ -57,14 +57,16 @@ def kinds_of(
     """
 
     def shows(parts: Sequence[WavePart | None], span: float = 1.0) -> bool:
-        return any(part is not None and part.told and part.amplitude * span >= NAMED * amplitude for part in parts)
+        return any(
+            part is not None and part.significant and part.amplitude * span >= NAMED * amplitude for part in parts
+        )
 
     found = []
     chain = f"the measuring chain (how the {shaft}'s encoder or coupling sits) or " if shaft else ""
     head = "constant over the load" if all(law.slope for law in laws) else "constant in part, as far as the loads tell"
     if constants is None:
         if shows([law.constant for law in laws]):
-            one = "(one direction known, or no like conditions)"
+            one = "(only one direction is known, or no condition is known in both)"
             found.append(f"{head} {one}: can be {chain}{_RIGID}, alike in both directions or not")
     elif constants.different.amplitude <= MOSTLY * constants.common.amplitude or constants.relation == "alike":
         if shows([constants.common]):
@@ -77,5 +79,5 @@ def kinds_of(
         if shows([getattr(law, name) for law in laws], spans[name]):
             found.append(f"changes with the {name}: can be {cause}")
     if not found:
-        found.append("no part of it is told from the noise")
+        found.append("no part of it is significant against the noise")
     return (*found, *sorted({note for law in laws for note in law.not_told}))

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rverror.base.arrays import Array
+from rverror.base.errors import warn_former
 from rverror.base.viewed import Viewed
 from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
 
-Progress = Callable[[str], None]
 Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
 
 
@@ -126,7 +126,7 @@ class ElasticEstimate:
         ``stiffness``, ``length`` or ``number``.
     declared, value, low, high : float
         As declared, as fitted, and its interval, core units.
-    told : bool
+    determined : bool
         Whether the runs say more of it than was known before.
     """
 
@@ -136,7 +136,13 @@ class ElasticEstimate:
     value: float
     low: float
     high: float
-    told: bool
+    determined: bool
+
+    @property
+    def told(self) -> bool:
+        """Former name of `determined`."""
+        warn_former("ElasticEstimate.told", "ElasticEstimate.determined")
+        return self.determined
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 
-Place = tuple[object, ...]
+CauseKey = tuple[object, ...]
 
 
 @runtime_checkable
@@ -33,34 +33,34 @@ class SizePrior:
     Attributes
     ----------
     covered : tuple of frozenset
-        Sources at their places, of each tolerance.
+        Sources with their indices, of each tolerance.
     usual : mapping
-        Standard deviations by place and parameter, core units; the others are a workshop's.
+        Standard deviations by source, indices and parameter, core units; the others are a workshop's.
     """
 
-    covered: tuple[frozenset[Place], ...] = ()
-    usual: Mapping[Place, Mapping[str, float]] = field(default_factory=dict)
+    covered: tuple[frozenset[CauseKey], ...] = ()
+    usual: Mapping[CauseKey, Mapping[str, float]] = field(default_factory=dict)
 
     @staticmethod
     def of(tolerances: Sequence[MadeTo], mechanism: Mechanism) -> SizePrior:
         """As some tolerances state; where two state a size both add to it."""
-        covered, merged = [], dict[Place, dict[str, float]]()
+        covered, merged = [], dict[CauseKey, dict[str, float]]()
         for one in tolerances:
-            said = {_place(one.key, at): sizes for at, sizes in one.usual(mechanism)}
+            said = {_cause_key(one.key, at): sizes for at, sizes in one.usual(mechanism)}
             covered.append(frozenset(said))
-            for place, sizes in said.items():
-                own = merged.setdefault(place, {})
+            for cause, sizes in said.items():
+                own = merged.setdefault(cause, {})
                 own |= {name: math.hypot(size, own.get(name, 0.0)) for name, size in sizes.items()}
         return SizePrior(tuple(covered), merged)
 
     def deviation(self, key: str, indices: Indices, workshop: float) -> tuple[float, ...]:
         """Standard deviation of each parameter; a workshop's is a share of the plausible size."""
-        told = self.usual.get(_place(key, indices), {}) if self.usual else {}
-        return tuple(told.get(p.name, workshop * p.plausible) for p in source(key).parameters)
+        stated = self.usual.get(_cause_key(key, indices), {}) if self.usual else {}
+        return tuple(stated.get(p.name, workshop * p.plausible) for p in source(key).parameters)
 
     def notes(self, tried: Sequence[tuple[str, Indices]]) -> list[str]:
         """What is said of the tolerances, beside candidates that are tried."""
-        count, names = len(self.covered), {_place(*one) for one in tried}
+        count, names = len(self.covered), {_cause_key(*one) for one in tried}
         unused = sum(map(names.isdisjoint, self.covered))
         left = f"; {unused} of nothing that is tried here, ignored" if unused else ""
         return [f"prior: sizes are expected as {count - unused} of {count} tolerances say{left}"] if count else []
@@ -69,5 +69,5 @@ class SizePrior:
 WORKSHOP = SizePrior()
 
 
-def _place(key: str, indices: Indices) -> Place:
+def _cause_key(key: str, indices: Indices) -> CauseKey:
     return (key, *sorted(indices.items()))

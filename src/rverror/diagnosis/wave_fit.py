@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.errors import warn_former
 from rverror.runs.order_table import Waves
 
 #: Of all discs and intervals.
@@ -59,9 +60,15 @@ class WavePart:
         return abs(self.value) + self.radius
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """Whether zero is outside the disc."""
         return self.low > 0.0
+
+    @property
+    def told(self) -> bool:
+        """Former name of `significant`."""
+        warn_former("WavePart.told", "WavePart.significant")
+        return self.significant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,9 +247,9 @@ def both_ways(forward: WavePart, reverse: WavePart) -> BothWays:
 
     common, different = half(forward.value + reverse.value), half(forward.value - reverse.value)
     relation = None
-    if common.told and different.told:
-        sizes = abs(forward.amplitude - reverse.amplitude) <= radius and forward.told and reverse.told
+    if common.significant and different.significant:
+        sizes = abs(forward.amplitude - reverse.amplitude) <= radius and forward.significant and reverse.significant
         relation = "mirrored" if sizes else "different"
-    elif common.told or different.told:
-        relation = "alike" if common.told else "opposite"
+    elif common.significant or different.significant:
+        relation = "alike" if common.significant else "opposite"
     return BothWays(common=common, different=different, relation=relation)

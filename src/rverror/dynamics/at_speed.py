@@ -129,7 +129,7 @@ class SpeedResponse(Viewed):
         What is above half the samples of a turn appears at a lower order (`folded_order`): 976, 584 and 1952 of an
         RV-40E are the second, third and fourth wave of its cycloid mesh, 3120, 4680 and 6240.
         """
-        return self._told / self.period
+        return self._strong_orders / self.period
 
     @property
     def waves(self) -> Array:
@@ -137,7 +137,7 @@ class SpeedResponse(Viewed):
 
         The error is the sum of amplitude times cos(order theta + phase).
         """
-        return np.asarray(_waves(self.transmission_error)[:, self._told])
+        return np.asarray(_waves(self.transmission_error)[:, self._strong_orders])
 
     @property
     def effect_waves(self) -> Array:
@@ -150,15 +150,15 @@ class SpeedResponse(Viewed):
         """
         if self.by_effect is None:
             raise InputError("the response was not asked for by effect; call speed_response with by_effect=True")
-        return np.asarray(_waves(self.by_effect)[..., self._told])
+        return np.asarray(_waves(self.by_effect)[..., self._strong_orders])
 
     @property
     def crawl_waves(self) -> Array:
         """The same at no speed, (o,)."""
-        return np.asarray(_waves(self.crawl)[self._told])
+        return np.asarray(_waves(self.crawl)[self._strong_orders])
 
     @cached_property
-    def _told(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    def _strong_orders(self) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
         every = np.abs(_waves(np.vstack([self.crawl, self.transmission_error])))[:, 1:]
         largest = np.maximum(every.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
         return 1 + np.flatnonzero((every >= _TOLD * largest).any(axis=0))

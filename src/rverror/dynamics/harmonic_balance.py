@@ -133,10 +133,10 @@ class Oscillator:
             (balance.by_mean, _AT_MEAN, 1),
             (balance.by_neighbours, _AT_ONCE, _RESTARTS),
         ):
-            answer, asked = approximate()
+            answer, preconditioned = approximate()
 
-            def apply(row: Array, asked: Callable[[Array], Array] = asked) -> Array:
-                return asked(row.reshape(right.shape)).reshape(-1)
+            def apply(row: Array, preconditioned: Callable[[Array], Array] = preconditioned) -> Array:
+                return preconditioned(row.reshape(right.shape)).reshape(-1)
 
             operator = scipy.sparse.linalg.LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
             found, failed = scipy.sparse.linalg.gmres(
@@ -220,12 +220,12 @@ class _Balance:
         def answer(rows: Array) -> npt.NDArray[np.complex128]:
             return np.asarray(admittance * scipy.fft.rfft(rows))
 
-        def asked(rows: Array) -> Array:
+        def preconditioned(rows: Array) -> Array:
             waves = answer(rows)
             moved = scipy.fft.irfft(np.concatenate([waves, self._rate * waves]), self.system.count)
             return rows + self.held(np.einsum("ijn,jn->in", varying, moved))
 
-        return answer, asked
+        return answer, preconditioned
 
     def by_neighbours(self) -> _Approximate:
         """Answer of compact differences between neighbours: a band, with stiffness and damping as they are.

@@ -70,6 +70,12 @@ class Modes(Viewed):
     direction: float
     model: Model
 
+    @property
+    def lowest(self) -> int | None:
+        """Number of the lowest mode of the machine, from 0: neither free nor of the sun's support; None without one."""
+        own = np.flatnonzero((self.frequency > 0) & ~self.of_sun_support)
+        return int(own[0]) if own.size else None
+
 
 def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, direction: Direction = "forward") -> Modes:
     """Natural modes of a reducer about its loaded state at one angle.

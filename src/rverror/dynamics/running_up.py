@@ -161,7 +161,7 @@ def run_up(
         raise InputError(f"samples = {samples}: give 2 times or more")
     time = np.linspace(stops[0], stops[-1], samples)
     course = _course(stops, at_stops, smooth=smooth)
-    start, shortest = _begun(moving, float(at_stops[0])), float(np.diff(stops).min())
+    start, shortest = _start_state(moving, float(at_stops[0])), float(np.diff(stops).min())
     moved, rate = forced.in_time(course, time, start=start, tolerance=_TOLERANCE, longest=shortest)
     theta, turn, acceleration = course(time)
 
@@ -178,7 +178,7 @@ def run_up(
     left = turn**2 * forces[:, 0].T + acceleration * forces[:, 1].T
     left -= np.einsum("nij,jn->in", matrices[:, 0], moved) + np.einsum("nij,jn->in", matrices[:, 1], rate)
     weighted = (whole.train.mass[:, None] * moving.basis)[ends].sum(axis=0)
-    asked = weighted @ left - turn**2 * heavy - acceleration * swung
+    inertia_torque = weighted @ left - turn**2 * heavy - acceleration * swung
     return RunUp(
         time=time,
         theta=theta,
@@ -186,7 +186,7 @@ def run_up(
         transmission_error=crawl + turn**2 * by_speed + acceleration * by_acceleration + (reading * moved).sum(axis=0),
         crawl=crawl,
         windup=acceleration * by_acceleration + (reading * twisted.T).sum(axis=0),
-        output_torque=size + direction * asked,
+        output_torque=size + direction * inertia_torque,
         frequency=frequency,
         of_sun_support=on_support,
         ratio=unit.ratio,
@@ -223,7 +223,7 @@ def _course(time: Array, turn: Array, *, smooth: bool) -> Callable[[Any], tuple[
     return course
 
 
-def _begun(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:
+def _start_state(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:
     """Coordinates and rates at theta = 0 of the periodic motion at a speed."""
     if turn == 0:
         return np.zeros(moving.basis.shape[1]), np.zeros(moving.basis.shape[1])

@@ -72,11 +72,11 @@ class Forced:
         rows = np.concatenate([system.stiffness.reshape(m * m, -1), system.damping.reshape(m * m, -1)])
         smooth = periodic(np.concatenate([rows, self.by_speed, self.by_acceleration]), system.period)
         between = system.period * (np.arange(_FINER * system.count) + 0.5) / (_FINER * system.count)
-        least, told = (
+        least, greatest = (
             np.linalg.eigvalsh(matrices.reshape(-1, m, m)).min()
             for matrices in (smooth(between)[:, : m * m], np.moveaxis(system.stiffness, -1, 0))
         )
-        if least >= told - _SWING * abs(told):
+        if least >= greatest - _SWING * abs(greatest):
             return smooth
         slope = (np.roll(rows, -1, axis=1) - rows) * (system.count / system.period)
         ahead = system.period / system.count * np.arange(_FINER) / _FINER
@@ -134,7 +134,7 @@ class Forced:
         system, m = self.oscillator, self.oscillator.size
         rows = np.ascontiguousarray(np.moveaxis(self._rows.c, 0, -1))
 
-        def asked(time: float, state: Array) -> Array:
+        def derivative(time: float, state: Array) -> Array:
             found = np.empty_like(state)
             rates(state, *course(time), rows, system.period, system.centrifugal, system.turning, found)
             return found
@@ -143,7 +143,7 @@ class Forced:
         # what a coordinate is driven to is the measure of what counts
         scale = max(float(np.abs(first).max()), self._size(course, times), np.finfo(np.float64).tiny)
         found = scipy.integrate.solve_ivp(
-            asked,
+            derivative,
             (times[0], times[-1]),
             first,
             "DOP853",

@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING
 
-from rverror.base.lazy import attach
+from rverror.base.lazy import attach, moved
 
 if TYPE_CHECKING:
     from rverror.geartrain.action_line import ErrorVector as ErrorVector
     from rverror.geartrain.kinematics import (
-        Conditions as Conditions,
+        OperatingConditions as OperatingConditions,
         folded_order as folded_order,
         frame_orders as frame_orders,
         fundamental_orders as fundamental_orders,
@@ -28,4 +28,6 @@ if TYPE_CHECKING:
     from rverror.geartrain.source import Index as Index, Parameter as Parameter, Source as Source
     from rverror.geartrain.torque_over_turn import GravityArm as GravityArm
 else:
-    __getattr__, __dir__ = attach(__name__)
+    from functools import partial
+
+    __getattr__, __dir__ = attach(__name__, partial(moved, renamed={"Conditions": "OperatingConditions"}))

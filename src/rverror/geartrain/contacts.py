@@ -20,8 +20,8 @@ from rverror.geartrain.crank import cam_forces, spline_torque
 from rverror.geartrain.cycloid import pin_contacts, pin_forces
 from rverror.geartrain.involute import mesh_forces, mesh_normal
 from rverror.geartrain.kinematics import (
-    Conditions,
     DrivePose,
+    OperatingConditions,
     Pose,
     frame_orders,
     motion_direction,
@@ -45,7 +45,7 @@ def pose(
     Parameters
     ----------
     mechanism : Reducer or Drive
-    theta : array_like or quantity, shape (n,), or Conditions
+    theta : array_like or quantity, shape (n,), or OperatingConditions
         Nominal output angle, rad; or the conditions of a run, which say all of the following too.
     direction : {"forward", "reverse"} or +1 or -1, or array_like of them, optional
         One for all samples, or one for each; read from the angles where left out.
@@ -66,7 +66,7 @@ def pose(
     ValueError
         If the angles are not a row of finite numbers or the direction is no direction.
     """
-    if isinstance(theta, Conditions):
+    if isinstance(theta, OperatingConditions):
         if not direction is time is torque is load is None:
             raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
         return motion(mechanism, theta)
@@ -89,19 +89,19 @@ def torque_or_load(torque: Any | None) -> dict[str, Any]:
     return {"load" if many else "torque": torque}
 
 
-def motion(mechanism: Mechanism, conditions: Conditions) -> Pose:
+def motion(mechanism: Mechanism, conditions: OperatingConditions) -> Pose:
     """`pose` under conditions, which are checked as angles are.
 
     Parameters
     ----------
     mechanism : Reducer or Drive
-    conditions : Conditions
+    conditions : OperatingConditions
 
     Returns
     -------
     Pose
     """
-    same = {field.name: getattr(conditions, field.name) for field in fields(Conditions)}
+    same = {field.name: getattr(conditions, field.name) for field in fields(OperatingConditions)}
     checked = _checked(
         conditions.theta,
         conditions.direction,

@@ -16,7 +16,7 @@ from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 
 
 @dataclass(frozen=True)
-class Conditions:
+class OperatingConditions:
     """Where and how a run was measured: one object, all the way from a run's file to the contacts.
 
     Attributes
@@ -42,7 +42,7 @@ class Conditions:
     Every prediction takes them in place of angles:
 
     >>> import numpy as np, rverror
-    >>> where = Conditions(np.linspace(0, 1, 5), direction=-1.0, torque=20e3)
+    >>> where = OperatingConditions(np.linspace(0, 1, 5), direction=-1.0, torque=20e3)
     >>> model = rverror.Model(rverror.reducer("RV-40E"))
     >>> rverror.equilibrium(model, where).transmission_error.shape
     (5,)
@@ -62,7 +62,7 @@ class Conditions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pose(Conditions):
+class Pose(OperatingConditions):
     """Nominal motion of a drive at n samples.
 
     Attributes

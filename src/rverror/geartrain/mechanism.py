@@ -499,10 +499,10 @@ def check_same_geometry(one: Reducer, other: Reducer) -> None:
         Naming the first parameter that differs.
     """
     for item in dataclasses.fields(Reducer):
-        given, asked = getattr(one, item.name), getattr(other, item.name)
-        if item.name not in ELASTIC and given != asked:
+        given, wanted = getattr(one, item.name), getattr(other, item.name)
+        if item.name not in ELASTIC and given != wanted:
             raise ValueError(
-                f"{item.name} = {asked!r}, here {given!r}: only {', '.join(ELASTIC)} may differ; "
+                f"{item.name} = {wanted!r}, here {given!r}: only {', '.join(ELASTIC)} may differ; "
                 "prepare another geometry for it"
             )
 

@@ -34,7 +34,7 @@ _CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "dir
 
 
 class Known(Protocol):
-    """What is known of a run beside its angles: a `Run`, or the `Conditions` that come of it."""
+    """What is known of a run beside its angles: a `Run`, or the `OperatingConditions` that come of it."""
 
     @property
     def time(self) -> Array | None:
@@ -215,8 +215,8 @@ class Source:
         ):
             if wrong := [word for word in words if word not in known | more]:
                 other = " or a parameter of a reducer" if more else ""
-                told = ", ".join(sorted(known))
-                raise ValueError(f"{self.key}: {name} = {wrong[0]!r}; it must be one of {told}{other}")
+                choices = ", ".join(sorted(known))
+                raise ValueError(f"{self.key}: {name} = {wrong[0]!r}; it must be one of {choices}{other}")
 
     @property
     def is_cause(self) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from rverror.base.errors import InputError, check_each, check_kind
+from rverror.base.progress import Progress
 from rverror.geartrain.mechanism import Drive, Reducer
-from rverror.life.over_life import searched, told
+from rverror.life.over_life import changes_found, searched
 from rverror.life.result import Changed, OrderChange, RunsCompared
 from rverror.life.sessions import History, Session, history_of
 from rverror.lots.result import Interval
@@ -29,7 +30,7 @@ def compare_runs(
     after: Sequence[Run],
     model: Model | None = None,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> RunsCompared:
     """Tell what changed between two measurements of a unit, order by order and cause by cause.
 
@@ -85,7 +86,7 @@ def compare_runs(
     changed: tuple[Changed, ...] = ()
     if isinstance(model.mechanism, Reducer):
         search, found = searched(model, sessions, history, progress or (lambda text: None))
-        history, changed = search.unit.history, told(search, found)
+        history, changed = search.unit.history, changes_found(search, found)
     return RunsCompared(
         tuple(map(str, history.amplitudes.conditions)),
         _orders(history),

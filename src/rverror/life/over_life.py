@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_each, check_kind
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.geartrain.mechanism import Reducer
 from rverror.life.growth import Fitted, GrowthSearch
 from rverror.life.result import Changed, Grown, Remaining, Trend
@@ -36,7 +37,7 @@ def trend(
     runs: Sequence[Run],
     *,
     limit: Limit | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Trend:
     """Tell what grows and what jumped in a unit that was measured again and again.
 
@@ -77,7 +78,7 @@ def trend(
     _check_limit(limit, history)
     search, found = searched(model, sessions, history, tell)
     history = search.unit.history
-    changed = told(search, found)
+    changed = changes_found(search, found)
     waves = history.amplitudes.waves(history.amplitudes.values, _WAVES)
     made = made_by(search, found)
     lost, explained = _lost_motions(history, made)
@@ -101,7 +102,7 @@ def _check_limit(limit: Limit | None, history: History) -> None:
 
 
 def searched(
-    model: Model, sessions: Sequence[Session], history: History, tell: Callable[[str], None]
+    model: Model, sessions: Sequence[Session], history: History, tell: Progress
 ) -> tuple[GrowthSearch, Fitted]:
     """Causes of the changes between sessions, with the noise that they leave."""
     tell(f"{count_of(len(sessions), 'session')}: the unit at the load")
@@ -129,7 +130,7 @@ def made_by(search: GrowthSearch, found: Fitted) -> Array:
     return unit.with_changes(some)[back] - unit.amplitudes
 
 
-def told(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
+def changes_found(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
     """Causes of a fitted set with their intervals and rivals, the most evident first."""
     changed = []
     for number, term in enumerate(found.terms):

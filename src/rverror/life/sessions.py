@@ -232,8 +232,8 @@ def bumps(values: Array, at: Array) -> Array:
     if len(values) == 2:
         return np.asarray(np.diff(values, axis=0) / math.sqrt(2))
     share = ((at[1:-1] - at[:-2]) / (at[2:] - at[:-2])).reshape(-1, *[1] * (values.ndim - 1))
-    off = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
-    return np.asarray(off / np.sqrt(1 + (1 - share) ** 2 + share**2))
+    differences = values[1:-1] - (1 - share) * values[:-2] - share * values[2:]
+    return np.asarray(differences / np.sqrt(1 + (1 - share) ** 2 + share**2))
 
 
 def repeated(values: Array, at: Array) -> Array:

@@ -194,13 +194,13 @@ def _step(now: _At, prior: Array, damping: float) -> Array:
 def _spreads(now: _At, prior: Array, parts: UnitParts, most: Array) -> Array:
     """Standard deviation of the parts of each kind that makes the sessions most probable.
 
-    A step of MacKay: the sum of the squared sizes of a kind over how many of them are told.
+    A step of MacKay: the sum of the squared sizes of a kind over how many of them are determined.
     """
     count = len(parts.process)
     left_open = np.diag(np.linalg.inv(_normal(now, prior)))[:count]
-    told = np.bincount(parts.process, 1 - left_open)
+    determined = np.bincount(parts.process, 1 - left_open)
     squares = np.bincount(parts.process, now.sizes[:count] ** 2)
-    spread = np.sqrt(squares / np.maximum(told, _TOLD))[parts.process]
+    spread = np.sqrt(squares / np.maximum(determined, _TOLD))[parts.process]
     return np.clip(spread, _LEAST * most, most)
 
 

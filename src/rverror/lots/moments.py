@@ -14,7 +14,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.diagnosis.result import Progress
+from rverror.base.progress import Progress
 from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
 
 #: Spread of the logarithm of a stiffness about what a model states, where it states none.

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.loop import diagnose
-from rverror.diagnosis.result import Progress
 from rverror.lots.result import Lot
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run

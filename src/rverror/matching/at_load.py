@@ -18,8 +18,8 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.parts.measured import MeasuredPart, Place, mounted
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.tolerances.blocks import Component
 from rverror.tolerances.loaded_units import POSITIONS, LoadedTurn, LoadedUnits
+from rverror.tolerances.sampling_rule import Component
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
@@ -72,7 +72,7 @@ class PlacedErrors:
         return np.asarray(np.einsum("ub,ubc->uc", self.sizes[place][part], self.moved[place][turn]), dtype=np.float64)
 
     @cached_property
-    def _kept(self) -> tuple[Array, ...]:
+    def _shrinkage(self) -> tuple[Array, ...]:
         """Share of each size's distance from its mean over the lot that is the part's, not the measurement's.
 
         By Lindley's form of the estimator of James and Stein; 1 of errors that not all parts have with an uncertainty.
@@ -87,13 +87,13 @@ class PlacedErrors:
     @cached_property
     def regression(self) -> PlacedErrors:
         """What true sizes differ by in the mean from the measured ones: these scatter more than the parts do."""
-        sizes = tuple((k - 1) * (own - own.mean(axis=0)) for k, own in zip(self._kept, self.sizes, strict=True))
+        sizes = tuple((k - 1) * (own - own.mean(axis=0)) for k, own in zip(self._shrinkage, self.sizes, strict=True))
         return replace(self, sizes=sizes)
 
     @cached_property
     def variances(self) -> PlacedErrors:
         """Variances of true sizes about that mean; those of a pair that turns are alike, so they add up by squares."""
-        sizes = tuple(k * own**2 for k, own in zip(self._kept, self.sigmas, strict=True))
+        sizes = tuple(k * own**2 for k, own in zip(self._shrinkage, self.sigmas, strict=True))
         return replace(self, sizes=sizes, moved=tuple(one**2 for one in self.moved))
 
     def waves(self, place: int, slope: Array) -> Array:

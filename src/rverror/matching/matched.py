@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -14,6 +14,7 @@ import scipy
 from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError, check_each, refusing
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
@@ -38,8 +39,6 @@ _DRAWS = 256  # of a unit's sizes within their uncertainty
 _KNOWN = 8  # units that suffice to estimate the doubt anew
 _CLASSES = 3
 
-Progress = Callable[[str], None] | None
-
 
 def match(
     model: Model,
@@ -49,7 +48,7 @@ def match(
     turns: bool = False,
     costs: Mapping[str, float] | None = None,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Matched:
     """Say which measured parts to join so that most units keep their limits at the load.
 
@@ -91,8 +90,8 @@ def match(
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
     price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
-    begun = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
-    drawn = [begun.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * begun.most), _RANDOM[1]) // begun.most))]
+    blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
+    drawn = [blank.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * blank.most), _RANDOM[1]) // blank.most))]
     together = Assembly(np.concatenate([one.part for one in drawn]), np.concatenate([one.turn for one in drawn]))
     random = at_load.built("units put together at random", together)
     at_load, waves = at_load.waves(random, turned=turns)
@@ -279,7 +278,7 @@ class _AtLoad:
 
     lot: _PartsAtPlaces
     units: UnitsAtLoad
-    progress: Progress
+    progress: Progress | None
     base: Array = field(default_factory=lambda: np.empty(0))  #: (samples,): of a unit without errors, over the limits
     slope: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (components, samples): of units at random
 
@@ -339,9 +338,9 @@ class _AtLoad:
             base[at], slope[:, at] = base[at] * scale, slope[:, at] * scale
         parts = self.lot.waves(slope, turned=turned)
         made = UnitWaves(base.astype(np.float32), parts, self.lot.pools, self.units.sections)
-        off = self.errors(turns[known]) - made.errors(base + values[known] @ slope)
+        difference = self.errors(turns[known]) - made.errors(base + values[known] @ slope)
         law = replace(self, base=base, slope=slope)
-        return law, law.uncertain(replace(made, doubt=max(float(off.std()), 1e-3)), random)
+        return law, law.uncertain(replace(made, doubt=max(float(difference.std()), 1e-3)), random)
 
     def matched(self, waves: UnitWaves, rng: np.random.Generator, what: str) -> tuple[_Built, int]:
         """The best assembly that is found, by sums of waves first, then at the load; and the bound by the sums."""
@@ -367,9 +366,9 @@ class _AtLoad:
                 turns[changed] = self.solved(what, self.lot.values(new.of(changed)))
                 true = self.errors(turns)[changed]
                 known |= dict(zip(new.of(changed).names(), true.tolist(), strict=True))
-                off = (true - waves.errors(waves.whole(new, residual)[changed]))[np.isfinite(true)]
-                if off.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
-                    waves = replace(waves, doubt=max(float(off.std()), 1e-3))
+                difference = (true - waves.errors(waves.whole(new, residual)[changed]))[np.isfinite(true)]
+                if difference.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
+                    waves = replace(waves, doubt=max(float(difference.std()), 1e-3))
                 gain = waves.hard(errors) - waves.hard(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
                 better = (np.bincount(circle, gain) > 1e-3)[circle, None]
@@ -385,12 +384,12 @@ class _AtLoad:
         some = built.assembly.of(rows)
         whole = waves.whole(some)
         true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
-        off = np.zeros_like(whole)
+        difference = np.zeros_like(whole)
         for number, (at, span) in enumerate(self.units.sections):
             size = np.ptp(true[:, at], axis=1) if span else true[:, at].max(axis=1)
             scale = built.turns[rows, number] / self.units.allowed[number] / size
-            off[:, at] = true[:, at] * scale[:, None] - whole[:, at]
-        return np.where(np.isfinite(off), off, 0.0).astype(np.float32)
+            difference[:, at] = true[:, at] * scale[:, None] - whole[:, at]
+        return np.where(np.isfinite(difference), difference, 0.0).astype(np.float32)
 
     def in_classes(self, waves: UnitWaves, rng: np.random.Generator) -> Assembly:
         """Parts sorted by their main size into three classes of equal number, put together class with class.

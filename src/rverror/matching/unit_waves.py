@@ -7,7 +7,7 @@ Page ``theory/matching.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
+from rverror.base.progress import Progress
 
 _STARTS, _SMALL = 6, 120  # of the search; and of few units, times their number
 _CHANGE = 0.02  # cost of changing a unit that was solved: smaller gains are not worth it
@@ -143,7 +144,7 @@ class UnitWaves:
             part[:, places] = rng.permutation(size)[: self.most * len(places)].reshape(self.most, -1)
         return Assembly(part, np.zeros_like(part))
 
-    def searched(self, rng: np.random.Generator, *, progress: Callable[[str], None] | None = None) -> Assembly:
+    def searched(self, rng: np.random.Generator, *, progress: Progress | None = None) -> Assembly:
         """The best assembly that is found: from random starts, by exact assignments until none brings anything.
 
         Parameters
@@ -167,11 +168,11 @@ class UnitWaves:
         for start in range(1, starts):
             if progress is not None:
                 progress(f"assemblies: start {start + 1} of {starts}")
-            begun = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
+            initial = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
             for pair in alike:
-                some = rng.random(len(begun.part)) < 0.5
-                begun.part[:, pair] = np.where(some[:, None], begun.part[:, pair[::-1]], begun.part[:, pair])
-            found = self._descended(begun)
+                some = rng.random(len(initial.part)) < 0.5
+                initial.part[:, pair] = np.where(some[:, None], initial.part[:, pair[::-1]], initial.part[:, pair])
+            found = self._descended(initial)
             best = found if self._total(found) < self._total(best) else best
         return best
 

@@ -36,7 +36,7 @@ def influence(
     Parameters
     ----------
     mechanism : Reducer or Drive
-    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions
+    theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions
         Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  None for the
         angles of one output turn that hold the orders of mechanism and source.
     key : str
@@ -126,7 +126,7 @@ def transmission_error(
     Parameters
     ----------
     model : Model
-    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+    theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
         Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  `Model.angles`
         where left out.
     direction, time, torque, forces : optional
@@ -168,7 +168,7 @@ def transmission_error_by_effect(
     Parameters
     ----------
     model : Model
-    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+    theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
         Nominal output angle, rad; or the conditions of a run, in place of direction, time and torque.  `Model.angles`
         where left out.
     direction, time, torque, forces : optional

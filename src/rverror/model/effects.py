@@ -152,7 +152,7 @@ class Model(Viewed):
 
         Parameters
         ----------
-        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
             Nominal output angle, rad; `angles` where left out.
         direction, time, torque : optional
             As in `rverror.influence`.
@@ -180,7 +180,7 @@ class Model(Viewed):
 
         Parameters
         ----------
-        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
             Nominal output angle, rad; one output turn where left out.
         key : str
             A key of the catalogue.
@@ -222,7 +222,7 @@ class Model(Viewed):
         ----------
         torque : float, str or quantity, optional
             Size of the output torque, N*mm; the reducer's rated torque where left out.
-        theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+        theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
             Nominal output angle, rad; `angles` where left out.
         direction, time : optional
             As in `rverror.equilibrium`.

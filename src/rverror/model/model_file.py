@@ -340,9 +340,9 @@ def _reducer_table(values: Mapping[str, Any]) -> str:
     for key, kind in _TABLES.items():
         own = values.get(key, kind())
         # stiffnesses are written in full: who changes one wants to see the others
-        told = dataclasses.asdict(own) if key == "stiffness" and key in values else own.given()
-        if told:
-            lines += ["", f"[reducer.{key}]", *_lines(told, kind)]
+        values_given = dataclasses.asdict(own) if key == "stiffness" and key in values else own.given()
+        if values_given:
+            lines += ["", f"[reducer.{key}]", *_lines(values_given, kind)]
     return "\n".join(lines)
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.base.viewed import Viewed
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Equilibrium(Viewed):
         Nominal output angle as the bench reads it, rad.
     model : Model, optional
         Whose state it is, as `equilibrium` was given it.
-    conditions : Conditions, optional
+    conditions : OperatingConditions, optional
         As the bench reads them: angles, direction, torque and time.
     """
 
@@ -73,4 +73,4 @@ class Equilibrium(Viewed):
     residual: Array
     theta: Array
     model: Any = None  # a `Model`, which knows of this file
-    conditions: Conditions | None = None
+    conditions: OperatingConditions | None = None

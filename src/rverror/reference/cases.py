@@ -27,7 +27,7 @@ from rverror.base.units import ARCSEC
 from rverror.base.version import __version__
 from rverror.geartrain.action_line import CONTACT_AXES
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.kinematics import Conditions, frame_orders
+from rverror.geartrain.kinematics import OperatingConditions, frame_orders
 from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
@@ -229,7 +229,7 @@ def solve(definition: Definition, *, points: int = POINTS) -> SolvedCase:
     model, direction = definition.model, definition.direction
     turn = _TURN * np.arange(points) / points
     theta = turn if direction > 0 else _TURN - turn
-    here = Conditions(theta, direction, definition.torque)
+    here = OperatingConditions(theta, direction, definition.torque)
     loaded = linearise(model, here)
     some = np.arange(0, points, max(1, points // _FORCE_ANGLES))
     arrays: dict[str, npt.NDArray[Any]] = {"theta": theta}
@@ -337,13 +337,13 @@ def _waveform_json(error: Array | None) -> dict[str, Any]:
     if error is None:
         return {"offset_arcsec": None, "rms_arcsec": None, "peak_to_peak_arcsec": None, "orders": []}
     waves = waves_of(error)
-    told = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
+    leading = np.argsort(-np.abs(waves), kind="stable")[:_LEADING]
     least = max(LEAST, _SHARE * float(np.abs(waves).max()))
     return {
         "offset_arcsec": in_arcsec(float(error.mean()), DIGITS),
         "rms_arcsec": in_arcsec(rms_of(about_mean(error)), DIGITS),
         "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error)), DIGITS),
-        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in told if abs(waves[i]) >= least],
+        "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in leading if abs(waves[i]) >= least],
     }
 
 

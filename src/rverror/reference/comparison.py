@@ -294,10 +294,10 @@ def _comparison_sheet(found: Comparison, *, most: int = 12) -> Sheet:
         bench = "" if found.bench is None else f" ± {found.bench.of(figure) / ARCSEC:.3f} ({BESIDE})"
         return f"{_arcsec(value)}{bench}"
 
-    told = [one for one in found.orders[:most] if abs(one.difference) >= 1e-6 * ARCSEC]
+    largest = [one for one in found.orders[:most] if abs(one.difference) >= 1e-6 * ARCSEC]
     waves = ("theirs", "case", "difference")
     heads = ("order", *(head for name in waves for head in (name, "phase")))
-    rows = [(one.order, *(cell for name in waves for cell in _polar(getattr(one, name)))) for one in told]
+    rows = [(one.order, *(cell for name in waves for cell in _polar(getattr(one, name)))) for one in largest]
     other = WORDS["closed" if found.method == "equilibrium" else "equilibrium"]
     of_other = "" if found.other_rms is None else measured(found.other_rms, "rms")
     orders = "By order, worst first, arcsec and deg; a wave is amplitude * cos(order * theta - phase)"
@@ -329,8 +329,8 @@ def _arcsec(value: float) -> str:
 
 def _polar(wave: complex) -> tuple[float, float | None]:
     """Amplitude, arcsec, and phase, deg."""
-    told = wave_json(wave)
-    return told["amplitude_arcsec"], None if told["phase_deg"] is None else round(told["phase_deg"], 2)
+    polar = wave_json(wave)
+    return polar["amplitude_arcsec"], None if polar["phase_deg"] is None else round(polar["phase_deg"], 2)
 
 
 @content.register

@@ -101,12 +101,12 @@ class FoundFaults:
 
     Attributes
     ----------
-    off : mapping of int to float
+    outliers : mapping of int to float
         How far each sample that is off by itself is off.
     steps : tuple of LevelStep
     """
 
-    off: Mapping[int, float]
+    outliers: Mapping[int, float]
     steps: tuple[LevelStep, ...]
 
 

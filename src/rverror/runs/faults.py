@@ -401,7 +401,7 @@ def _grid(found: Faults, stretch: slice) -> tuple[Integers, Integers, list[tuple
 
 def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
     """Add what a search has found; `places` are the samples it counts by."""
-    if not have.off and not have.steps:
+    if not have.outliers and not have.steps:
         return found
     kept = found.kept.copy()
     slips = {slip.index: slip for slip in found.slips}
@@ -415,16 +415,16 @@ def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
             index, float(found.theta[index]), before + step.size, step.spread, index in slips and slips[index].of_input
         )
     sizes = dict(zip(found.spikes.tolist(), found.sizes.tolist(), strict=True))
-    sizes |= {int(places[at]): size for at, size in have.off.items()}
+    sizes |= {int(places[at]): size for at, size in have.outliers.items()}
     kept[list(sizes)] = False
     # A sample off beside a slip is of its transition.
-    off = {i: size for i, size in sizes.items() if all(abs(i - slip) > WIDEST_SLIP for slip in slips)}
-    at = sorted(off)
+    outliers = {i: size for i, size in sizes.items() if all(abs(i - slip) > WIDEST_SLIP for slip in slips)}
+    at = sorted(outliers)
     return replace(
         found,
         kept=kept,
         spikes=np.array(at, dtype=np.intp),
-        sizes=np.array([off[i] for i in at], dtype=np.float64),
+        sizes=np.array([outliers[i] for i in at], dtype=np.float64),
         slips=tuple(slips[i] for i in sorted(slips)),
     )
 

@@ -50,7 +50,7 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
     sides, beyond = Sides(theta), NEAR + BOUNDS.longest_burst
     sides_beyond = Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
     values = error.copy()
-    off: set[int] = set()
+    outliers: set[int] = set()
     doubtful = _apart(values, (5, 11))
     for _ in range(ROUNDS):
         clean = np.where(np.isnan(doubtful), values, doubtful)
@@ -59,12 +59,12 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
         as_read, as_clean = (_mirrored(row, beyond, *ends) for row in (values, clean))
         places_beyond = (at - beyond for at in _bursts(sides_beyond, as_read, as_clean, floor))
         folded = {abs(at) if at <= last else 2 * last - at for at in places_beyond}
-        more |= {at for at in folded - off if not NEAR <= at <= last - NEAR and _stands_out(values, clean, at)}
+        more |= {at for at in folded - outliers if not NEAR <= at <= last - NEAR and _stands_out(values, clean, at)}
         if not more:
             break
-        off |= more
+        outliers |= more
         # What neighbours predict stands in for them: from those that are left first, then by the parabolas.
-        places = np.array(sorted(off), dtype=np.intp)
+        places = np.array(sorted(outliers), dtype=np.intp)
         doubtful[places] = np.nan
         left = np.setdiff1d(np.flatnonzero(np.isnan(doubtful)), places)
         values[places] = clean[places] = np.interp(places, left, values[left])
@@ -74,8 +74,8 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
         values[inside] = 0.5 * (sides.along(before, inside, x) + sides.along(after, inside + 1, x))
     apart = error - scipy.ndimage.median_filter(error, 2 * BOUNDS.longest_burst + 1, mode="mirror")
     # what comes again in other turns is the gear's
-    found = {at: float(error[at] - values[at]) for at in sorted(off) if not repeats(theta, apart, at)}
-    away = {at: abs(float(error[at] - values[at])) for at in off}
+    found = {at: float(error[at] - values[at]) for at in sorted(outliers) if not repeats(theta, apart, at)}
+    away = {at: abs(float(error[at] - values[at])) for at in outliers}
 
     def is_made_up(step: LevelStep) -> bool:
         """It borders on a burst of several times its size: beside a sharp lobe what stands in for that may step."""
@@ -151,8 +151,8 @@ def _stands_out(values: Array, clean: Array, at: int) -> bool:
     near = slice(first, first + 2 * NEAR)
     line = _line(clean[near])
     rest = np.delete(clean[near] - line, at - first)
-    off = abs(values[at] - line[at - first] - np.median(rest))
-    return bool(off > 3 * np.ptp(rest) and np.abs(np.diff(values[near])).max() > off / 2)
+    excess = abs(values[at] - line[at - first] - np.median(rest))
+    return bool(excess > 3 * np.ptp(rest) and np.abs(np.diff(values[near])).max() > excess / 2)
 
 
 def _line(values: Array) -> Array:
@@ -231,31 +231,34 @@ class Sides:
 
 
 def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]:
-    """Samples that both sides say are off; of neighbours the worst only.  `clean` has no doubtful ones."""
+    """First samples of bursts that both sides say are off; of neighbours the worst only.
+
+    The next round finds those behind them.  `clean` has no doubtful samples.
+    """
     before, after = sides.fitted(clean)
-    best, lengths = np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
+    best = np.zeros(sides.size)
     rest = clean - values
     for length in range(1, BOUNDS.longest_burst + 1):
         *burst, behind = sides.inner(length)  # its first samples, its second ones .., and those behind it
         first = burst[0]
-        off, by_before, by_after = np.empty((3, length, first.stop - first.start))
-        cleaned = np.zeros(off.shape[1])
+        excess, by_before, by_after = np.empty((3, length, first.stop - first.start))
+        cleaned = np.zeros(excess.shape[1])
         for j, k in enumerate(burst):
             x, value = sides.at[k], values[k]
             by_before[j] = value - sides.along(before, first, x)
             by_after[j] = value - sides.along(after, behind, x)
             # The two parabolas err by a cubic, in opposite senses, so that their mean hardly errs.
             share = (j + 1) / (length + 1)
-            off[j] = (1 - share) * by_before[j] + share * by_after[j]
+            excess[j] = (1 - share) * by_before[j] + share * by_after[j]
             cleaned += rest[k] / length
-        mean = off.mean(axis=0)
+        mean = excess.mean(axis=0)
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is predicted from one of its sides, and so is a slip.
-        alone = np.min([sense * by_before, sense * by_after, sense * off], axis=(0, 1)) > half
+        alone = np.min([sense * by_before, sense * by_after, sense * excess], axis=(0, 1)) > half
         score = _score(mean, mean + cleaned, alone, floor, BOUNDS.certain)
         better = score > best[first]
-        best[first][better], lengths[first][better] = score[better], length
-    return {at + j for at in peaks(best, 0.0, NEAR) for j in range(int(lengths[at]))}
+        best[first][better] = score[better]
+    return set(peaks(best, 0.0, NEAR))
 
 
 def _steps(sides: Sides, values: Array, floor: float) -> list[LevelStep]:

@@ -72,7 +72,7 @@ def faults_in_noise(
     tests = int(np.count_nonzero(good))
     if tests < 4 * BOUNDS.least_side or np.ptp(values[good]) == 0:
         return FoundFaults({}, ())
-    off: dict[int, float] = {}
+    outliers: dict[int, float] = {}
     steps = {k: LevelStep(k, k, 0.0, math.nan) for k in known}
     for _ in range(ROUNDS):
         white = _whitened(values, good, pieces)
@@ -98,7 +98,7 @@ def faults_in_noise(
             if single:
                 for j in range(k, min(k + int(spikes.length[k]), good.size)):
                     if good[j]:
-                        good[j], off[j] = False, float(spikes.size[k])
+                        good[j], outliers[j] = False, float(spikes.size[k])
                 continue
             doubtful = (slips.score * slips.threshold) ** 2 > (score * slips.threshold) ** 2 - _DOUBT
             first = k - int(np.argmin(np.append(doubtful[k::-1], False))) + 1
@@ -109,7 +109,7 @@ def faults_in_noise(
             steps[k] = LevelStep(first, last, float(slips.size[k]), float(slips.spread[k]))
         if not taken:
             break
-    return FoundFaults(off, tuple(step for step in steps.values() if not math.isnan(step.spread)))
+    return FoundFaults(outliers, tuple(step for step in steps.values() if not math.isnan(step.spread)))
 
 
 # --- the noise --------------------------------------------------------------------------------------------------------

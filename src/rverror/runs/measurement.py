@@ -21,7 +21,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.text import PathLike, check_path, shown, split_lines, write_text
 from rverror.base.viewed import Viewed
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.geartrain.torque_over_turn import TorqueWaves, fitted_torque
 from rverror.model.catalogue import source
@@ -133,13 +133,13 @@ class Run(OfFile, Viewed):
         self._check_ratio(value)
         return self.input_angle / value
 
-    def conditions(self, ratio: Reducer | Drive | Model | float) -> Conditions:
+    def conditions(self, ratio: Reducer | Drive | Model | float) -> OperatingConditions:
         """Where and how it was measured, as predictions take it; without a torque where it has none, or one of 0.
 
         A torque that changes over the turn is that of `torque_waves`.
         """
         theta, waves = self.nominal_angle(ratio), self.torque_waves(ratio)
-        return Conditions(
+        return OperatingConditions(
             theta,
             self.direction,
             self.torque or None,
@@ -433,7 +433,7 @@ def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:
 
 def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run:
     reading, direction = checked(reading, None if ratio is None else ratio_of(ratio))
-    torque, column, told = _torque(reading)
+    torque, column, notes = _torque(reading)
     run = Run(
         path=reading.path,
         input_angle=reading.columns.get("input_angle"),
@@ -447,7 +447,7 @@ def _run(reading: Reading, ratio: Reducer | Drive | Model | float | None) -> Run
         temperature=reading.value("temperature"),
         index=reading.index,
         metadata=reading.metadata,
-        notes=(*reading.notes, *told),
+        notes=(*reading.notes, *notes),
     )
     if ratio is not None:
         run.nominal_angle(ratio)  # refuses a ratio that contradicts the angles

@@ -318,9 +318,9 @@ def orders_from_arrays(
     return _table(_rows(columns, stated=stated, index=index, metadata=dict(metadata or {})))
 
 
-def _rows(columns: Mapping[str, Array], **told: Any) -> OrderRows:
+def _rows(columns: Mapping[str, Array], **stated: Any) -> OrderRows:
     """Rows in memory."""
-    return OrderRows(labels=np.arange(columns["order"].size), noun="row", columns=columns, **told)
+    return OrderRows(labels=np.arange(columns["order"].size), noun="row", columns=columns, **stated)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -389,13 +389,13 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
 def _written(path: str, table: OrderTable) -> dict[str, Array]:
     """Columns of a table, core units, once the checks of a file have passed them."""
     cases, columns = table.cases, dict[str, Array]()
-    told: dict[str, list[Any]] = {
+    found: dict[str, list[Any]] = {
         name: [getattr(case.condition, of) for case in cases] for name, of in _ATTRIBUTES.items()
     }
-    told["order"] = [case.orders for case in cases]
-    told["amplitude"], told["phase"] = ([of(case.waves) for case in cases] for of in (np.abs, np.angle))
-    told["sigma"] = [case.sigma for case in cases]
-    for name, values in told.items():
+    found["order"] = [case.orders for case in cases]
+    found["amplitude"], found["phase"] = ([of(case.waves) for case in cases] for of in (np.abs, np.angle))
+    found["sigma"] = [case.sigma for case in cases]
+    for name, values in found.items():
         missing = sum(value is None for value in values)
         if 0 < missing < len(cases):
             what = f"{missing} of {len(cases)} cases have no {_ATTRIBUTES.get(name, name)}, others have"

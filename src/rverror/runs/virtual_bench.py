@@ -21,7 +21,7 @@ from rverror.base.errors import InputError, refusing, renamed
 from rverror.base.numbers import way
 from rverror.base.quantities import COUNT, Checked, NumberField, quantity
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions, samples_needed
+from rverror.geartrain.kinematics import OperatingConditions, samples_needed
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, doubt_torque
 from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
@@ -337,7 +337,7 @@ def _run(model: Model, bench: _Bench, index: str, direction: float, torque: floa
     theta = turn if direction > 0 else 2 * math.pi * bench.revolutions - turn
     time = None if bench.output_speed is None else turn / bench.output_speed
     size, load = (None, torque(theta)) if callable(torque) else (torque, None)
-    conditions = Conditions(theta, direction, size, time, speed=bench.output_speed, load=load)
+    conditions = OperatingConditions(theta, direction, size, time, speed=bench.output_speed, load=load)
     error = _error(model, conditions, points=bench.points, method=bench.method)
     if bench.noise:
         key = np.random.SeedSequence(bench.seed, spawn_key=tuple(run_label(direction, torque).encode()))
@@ -361,7 +361,7 @@ def _run(model: Model, bench: _Bench, index: str, direction: float, torque: floa
     return replace(run, metadata={**run.metadata, **said})
 
 
-def _error(model: Model, conditions: Conditions, *, points: int, method: str) -> Array:
+def _error(model: Model, conditions: OperatingConditions, *, points: int, method: str) -> Array:
     """Gear train at every angle of one turn where every turn is alike, else of all.
 
     Readings of the measuring chain may drift from turn to turn, so they are added at all angles.

@@ -25,7 +25,7 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
 from rverror.geartrain.cycloid import pin_positions
-from rverror.geartrain.kinematics import Conditions, frame_orders
+from rverror.geartrain.kinematics import OperatingConditions, frame_orders
 from rverror.geartrain.mechanism import Friction, Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
@@ -185,7 +185,7 @@ def efficiency(
             f"torque = {size / 1e3:g} N*m: the output drives with more than the drag, {friction.drag / 1e3:g} N*m"
         )
     # the flanks that carry are those of the load, which resists where the input drives
-    under = Conditions(gears.theta, sign * gears.direction, carried)
+    under = OperatingConditions(gears.theta, sign * gears.direction, carried)
     if method == "closed":
         losses, change = _closed_form_losses(unit, under, friction), np.zeros(gears.theta.size)
         input_torque = (carried + sign * np.sum([*losses.values()], axis=0)) / abs(unit.ratio)
@@ -312,7 +312,7 @@ def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: F
     by, carried = _coefficients(unit, friction), torque - along * friction.drag
     side = math.copysign(1.0, carried) if carried else -along
     read = pose(unit, theta, torque=units.InCore(abs(torque)), direction=-math.copysign(1.0, torque))
-    under = Conditions(stand(model, read).gears.theta, -side, abs(carried))
+    under = OperatingConditions(stand(model, read).gears.theta, -side, abs(carried))
     settled = statics_of(unit, under).settled(felt(model.effects), response=True)
     yields = -along * settled.solution.pose_change
     sliding = (_slide_rows(settled.contacts) @ yields[..., None])[..., 0]
@@ -457,7 +457,7 @@ def _losses(reducer: Reducer, lost: Array) -> dict[str, Array]:
     return dict(zip(_KINDS, np.add.reduceat(lost, first, axis=1).T, strict=False))
 
 
-def _closed_form_losses(unit: Reducer, under: Conditions, friction: Friction) -> dict[str, Array]:
+def _closed_form_losses(unit: Reducer, under: OperatingConditions, friction: Friction) -> dict[str, Array]:
     where = motion(unit, under)
     assert isinstance(where, Contacts)
     forces, n = closed_form_forces(where), where.theta.size
@@ -467,7 +467,7 @@ def _closed_form_losses(unit: Reducer, under: Conditions, friction: Friction) ->
 
 
 def _in_equilibrium(
-    model: Model, under: Conditions, sign: float, friction: Friction
+    model: Model, under: OperatingConditions, sign: float, friction: Friction
 ) -> tuple[Array, dict[str, Array], Array]:
     """Torque at the input, losses, and change of the error; the motion is along the load's, or against it."""
     unit, by = _reducer(model), _coefficients(_reducer(model), friction)

@@ -29,7 +29,7 @@ from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model, check_model
 from rverror.model.results import Equilibrium
@@ -171,7 +171,7 @@ def contact_pressure(
     ----------
     model : Model
         Of a reducer; its errors, stiffnesses and play share the load.
-    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions
+    theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions
         Nominal output angle, rad; or the conditions of a run, in place of torque and direction.
     torque, direction
         As in `equilibrium`.
@@ -217,7 +217,7 @@ def contact_pressure(
     state = equilibrium(model, theta, torque=torque, direction=direction)
     unit = model.mechanism
     assert isinstance(unit, Reducer)  # or there were no equilibrium
-    stands = motion(unit, Conditions(state.theta + model.index_offset, 1.0))
+    stands = motion(unit, OperatingConditions(state.theta + model.index_offset, 1.0))
     assert isinstance(stands, Contacts)
     size, pin = pressing(state), pin_contact_radius(stands)
     sine, sun, planet = math.sin(unit.pressure_angle), unit.sun_pitch_radius, unit.planet_pitch_radius

@@ -19,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose, torque_or_load
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
@@ -94,7 +94,7 @@ def equilibrium(
     ----------
     model : Model
         Of a reducer; its stiffnesses and backlash count.
-    theta : array_like, str or quantity, shape (n,) or one angle, or Conditions, optional
+    theta : array_like, str or quantity, shape (n,) or one angle, or OperatingConditions, optional
         Nominal output angle, rad; or the conditions of a run, in place of torque, direction and time.  `Model.angles`
         where left out.
     torque : float, str, quantity, array_like or callable, optional
@@ -183,25 +183,27 @@ def linearise(
     return replace(found, state=replace(found.state, model=model, conditions=read))
 
 
-def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, Conditions]:
+def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, OperatingConditions]:
     """Statics where the gear train stands when the bench reads theta, and the conditions as it reads them."""
     check_model(model)
     unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
-    if conditions["torque"] is None and not isinstance(angles, Conditions):
+    if conditions["torque"] is None and not isinstance(angles, OperatingConditions):
         conditions["torque"] = unit.rated_torque
     where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
     statics = replace(_along(where.gears), read_at=where.read.theta)
-    return statics, Conditions(**{field.name: getattr(where.read, field.name) for field in fields(Conditions)})
+    return statics, OperatingConditions(
+        **{field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
+    )
 
 
-def statics_of(mechanism: Mechanism, conditions: Conditions) -> Statics:
+def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics:
     """Prepare what a reducer's statics need whatever the errors are, for many solutions along one motion.
 
     Parameters
     ----------
     mechanism : Reducer or Drive
-    conditions : Conditions
+    conditions : OperatingConditions
         Of the gear train, with a torque.
 
     Returns

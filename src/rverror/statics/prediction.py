@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.geartrain.contacts import closed_form_forces, motion
-from rverror.geartrain.kinematics import Conditions, Pose, frame_orders, true_period
+from rverror.geartrain.kinematics import OperatingConditions, Pose, frame_orders, true_period
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model import sensor
 from rverror.model.catalogue import source
@@ -21,18 +21,18 @@ from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Prediction, Statics, statics_of
 
 
-def uses_equilibrium(model: Model, conditions: Conditions) -> bool:
+def uses_equilibrium(model: Model, conditions: OperatingConditions) -> bool:
     """Tell whether the loaded equilibrium predicts, as it does for a reducer under a known torque."""
     return isinstance(model.mechanism, Reducer) and (conditions.load is not None or bool(conditions.torque))
 
 
-def predict(model: Model, conditions: Conditions) -> Prediction:
+def predict(model: Model, conditions: OperatingConditions) -> Prediction:
     """Predict the output error and its change with every parameter.
 
     Parameters
     ----------
     model : Model
-    conditions : Conditions
+    conditions : OperatingConditions
 
     Returns
     -------
@@ -53,11 +53,11 @@ class Predictor:
     Attributes
     ----------
     mechanism : Reducer or Drive
-    conditions : Conditions
+    conditions : OperatingConditions
     """
 
     mechanism: Mechanism
-    conditions: Conditions
+    conditions: OperatingConditions
 
     def predict(self, model: Model, near: Prediction | None = None) -> Prediction:
         """`predict`; `near` is a prediction of a similar model, from whose poses the equilibrium starts.

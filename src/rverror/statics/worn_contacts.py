@@ -38,7 +38,7 @@ from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
 from rverror.geartrain.crank import BEARING_CLEARANCE
 from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
 from rverror.geartrain.involute import SPLINE_CLEARANCE, TOOTH_THINNING
-from rverror.geartrain.kinematics import Conditions, frame_orders, fundamental_orders, true_period
+from rverror.geartrain.kinematics import OperatingConditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer, doubt_torque
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
@@ -337,7 +337,7 @@ def wear(
     # every side of every phase, the output's turn that one hour of the duty has of it, rad, and whether it is told
     parts = [
         (
-            statics_of(unit, Conditions(theta, side, one.torque)),
+            statics_of(unit, OperatingConditions(theta, side, one.torque)),
             3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides),
             one.torque == size,
         )

@@ -5,12 +5,13 @@ Pages ``theory/allocation.md`` and ``theory/at-the-load.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from rverror.base import units
 from rverror.base.directions import Direction
 from rverror.base.errors import InputError, check_each, check_kind, renamed
+from rverror.base.progress import Progress
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.tolerances.allocation_result import CLOSED_UNITS, Allocation, FrontPoint, described
@@ -41,7 +42,7 @@ def allocate(
     level: float = 0.99,
     verify: int = CLOSED_UNITS,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Allocation:
     """Find the widths of least cost that keep the output error within a limit, in closed form: contacts closed.
 
@@ -105,7 +106,7 @@ def cost_front(
     level: float = 0.99,
     verify: int = CLOSED_UNITS,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[FrontPoint, ...]:
     """Least cost for each of a row of limits, in closed form.
 
@@ -134,11 +135,11 @@ def cost_front(
     >>> import numpy as np
     >>> from rverror.tolerances.cost import Choice, Reciprocal
     >>> from rverror.tolerances.distribution import Uniform
-    >>> from rverror.tolerances.blocks import Block
+    >>> from rverror.tolerances.sampling_rule import SamplingRule
     >>> waves = np.array([[1.0, -1.0], [0.5, -0.5]])
-    >>> blocks = tuple(Block(e, e, 1, 1, Uniform()) for e in range(2))
+    >>> rules = tuple(SamplingRule(e, e, 1, 1, Uniform()) for e in range(2))
     >>> choices = (Choice(Reciprocal(1.0, 1.0)),) * 2
-    >>> laid = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), blocks, choices=choices)
+    >>> laid = Stack(np.zeros(2), waves, (), np.arange(2), np.ones(2), ("a", "b"), rules, choices=choices)
     >>> (point,) = cost_front(laid, [2.0], kind="worst")
     >>> [round(width, 6) for width in point.allocation.widths]  # as 1 : sqrt(2), 2 a + b = 2
     [0.585786, 0.828427]
@@ -199,7 +200,7 @@ def allocate_at_load(
     sample: int = SAMPLE,
     verify: int = COUNT,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Allocation:
     """Find the widths of least cost with which units meet limits at the load, contacts that open included.
 

@@ -160,7 +160,7 @@ def described(
     binding: tuple[float, list[Row]],
     seed: int,
     level: float,
-    **told: Any,
+    **stated: Any,
 ) -> Allocation:
     """An allocation with its costs, prices and closed form.
 
@@ -176,7 +176,7 @@ def described(
     seed : int
         Of the units in closed form.
     level : float
-    **told
+    **stated
         The other fields of `Allocation` that do not follow from these.
 
     Returns
@@ -188,7 +188,7 @@ def described(
     for (entry, table, _), grade in zip(costs.tables, found.grades, strict=True):
         grades[entry] = table.names[grade]
     closed = ClosedFormUnits(stack, (Limit("transmission_error", None, None, level),))
-    first = [stack.components[block.components.start] for block in stack.blocks] if stack.components else []
+    first = [stack.components[rule.components.start] for rule in stack.rules] if stack.components else []
     return Allocation(
         labels=costs.labels,
         keys=tuple(component.key for component in first),
@@ -207,7 +207,7 @@ def described(
         closed_form=verified(closed, widths, count=CLOSED_UNITS, seed=seed).limits[0].quantile(level),
         shadow_price=_STEP * target * shadow_price(held, target, rows, widths) if held.smooth.any() else None,
         rates=_rates(costs, used_before[1]),
-        **told,
+        **stated,
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from rverror.base.arrays import Array, Integers
 from rverror.base.errors import check_kind
 from rverror.base.viewed import Viewed
-from rverror.tolerances.blocks import Block, WorstGroup
+from rverror.tolerances.sampling_rule import SamplingRule, WorstGroup
 from rverror.tolerances.stacking import Stack
 
 _STARTS = 8
@@ -226,18 +226,18 @@ def budget(stack: Stack) -> Budget:
     nominal_offset = float(stack.nominal.mean())
     nominal = stack.nominal - nominal_offset
 
-    variance = by_entry(stack.blocks, scaled) + _shared(stack, scaled)
-    deviating = by_entry(stack.blocks, deviation) + _shared(stack, deviation)
-    offsets = by_entry(stack.blocks, offset[:, None])[:, 0]
+    variance = by_entry(stack.rules, scaled) + _shared(stack, scaled)
+    deviating = by_entry(stack.rules, deviation) + _shared(stack, deviation)
+    offsets = by_entry(stack.rules, offset[:, None])[:, 0]
     offset_variance = float(offsets.sum() + _shared(stack, offset[:, None]).sum())
     mean_squares = deviating.mean(axis=1)
     total = float(mean_squares.sum())
 
     worst, parts = _worst_case(stack, scaled, offset, deviation)
     entries = []
-    for e, block in enumerate(stack.blocks):
-        rows = block.components
-        groups, middle = block.worst_groups(), block.distribution.middle
+    for e, rule in enumerate(stack.rules):
+        rows = rule.components
+        groups, middle = rule.worst_groups(), rule.distribution.middle
         shift = middle * deviation[rows].sum(axis=0)
         alone = GroupWaves(groups, deviation)
         farthest = GroupWaves(groups, deviation, shift).farthest() if shift.any() else alone.farthest()
@@ -277,26 +277,26 @@ def budget(stack: Stack) -> Budget:
     )
 
 
-def by_entry(blocks: Sequence[Block], scaled: Array) -> Array:
+def by_entry(rules: Sequence[SamplingRule], scaled: Array) -> Array:
     """Variance that each entry makes at each angle, shape (entries, n).
 
-    ``w @ block.covariance() @ w`` as squares of the instances' waves and of their sums, which rounding does not make
+    ``w @ rule.covariance() @ w`` as squares of the instances' waves and of their sums, which rounding does not make
     negative where the sums cancel.
     """
     variances = []
-    for block in blocks:
-        waves = scaled[block.components].reshape(block.instances, block.terms, -1)
+    for rule in rules:
+        waves = scaled[rule.components].reshape(rule.instances, rule.terms, -1)
         own = np.einsum("itn,itn->n", waves, waves)
-        alike = np.array(block.alike)
-        shared = np.sum([(waves[alike == group].sum(axis=0) ** 2).sum(axis=0) for group in set(block.alike)], axis=0)
-        rho = block.remaining_correlation
-        variances.append(block.distribution.variance * ((1 - rho) * own + rho * shared))
+        alike = np.array(rule.alike)
+        shared = np.sum([(waves[alike == group].sum(axis=0) ** 2).sum(axis=0) for group in set(rule.alike)], axis=0)
+        rho = rule.remaining_correlation
+        variances.append(rule.distribution.variance * ((1 - rho) * own + rho * shared))
     return np.array(variances)
 
 
 def _shared(stack: Stack, scaled: Array) -> Array:
     """What correlation between entries adds to the variance of each, shape (entries, n): half of every covariance."""
-    added = np.zeros((len(stack.blocks), scaled.shape[1]))
+    added = np.zeros((len(stack.rules), scaled.shape[1]))
     if stack.dependence is not None:
         np.add.at(added, stack.entry, scaled * (stack.dependence.between @ scaled))
     return added
@@ -319,8 +319,8 @@ def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) ->
     difference = deviation[:, high] - deviation[:, low]
     swing, lengths = towards(groups, difference)
     entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
-    parts = np.bincount(entries, weights=lengths, minlength=len(stack.blocks)).astype(np.float64)
-    parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.blocks))
+    parts = np.bincount(entries, weights=lengths, minlength=len(stack.rules)).astype(np.float64)
+    parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.rules))
 
     worst = WorstCase(
         lower=at_middle - reach,

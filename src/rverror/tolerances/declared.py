@@ -15,7 +15,6 @@ from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Index, IndexValue, Parameter
 from rverror.model.catalogue import source
-from rverror.tolerances.blocks import listed
 from rverror.tolerances.cost import SAME_WIDTH, Choice, Cost, Grades
 from rverror.tolerances.distribution import (
     Circle,
@@ -32,6 +31,7 @@ from rverror.tolerances.distribution import (
     TruncatedNormal,
     Uniform,
 )
+from rverror.tolerances.sampling_rule import listed
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _BOTH_WAYS = re.compile(rf"\s*(?:±|\+/?-)\s*({_NUMBER}.*)$")

@@ -14,9 +14,9 @@ from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
-from rverror.tolerances.blocks import Block, Component
 from rverror.tolerances.declared import SelectedFit, Tolerance
 from rverror.tolerances.distribution import Scalar, normal_correlation
+from rverror.tolerances.sampling_rule import Component, SamplingRule
 
 _ROUNDING = 1e-8  # of an eigenvalue of a correlation matrix: its entries are found to 1e-10
 _TAKES_PART = 1e-6  # of the square of a direction
@@ -53,14 +53,14 @@ class Dependence:
 
 
 def dependence(
-    tolerances: Sequence[Tolerance], blocks: Sequence[Block], components: Sequence[Component]
+    tolerances: Sequence[Tolerance], rules: Sequence[SamplingRule], components: Sequence[Component]
 ) -> Dependence | None:
     """Lay out what ties the tolerances of a stack; None where all are independent.
 
     Parameters
     ----------
     tolerances : sequence of Tolerance
-    blocks : sequence of Block
+    rules : sequence of SamplingRule
         Of each tolerance.
     components : sequence of Component
         Of all of them.
@@ -78,13 +78,13 @@ def dependence(
     if not pairs and not fitted:
         return None
     labels = [item.label for item in tolerances]
-    laws = cast("list[Scalar]", [block.distribution for block in blocks])
+    laws = cast("list[Scalar]", [rule.distribution for rule in rules])
     across, between = np.zeros((2, len(components), len(components)))
     joined = sorted({e for pair in pairs for e in pair})
     for e in joined:
-        _check_joined(tolerances[e], blocks[e])
+        _check_joined(tolerances[e], rules[e])
     for (e, f), value in pairs.items():
-        one, other = blocks[e], blocks[f]
+        one, other = rules[e], rules[f]
         if one.terms != other.terms:
             raise InputError(
                 f"{labels[e]} and {labels[f]}: correlated, with {one.terms} and {other.terms} parameters; give both as "
@@ -97,41 +97,41 @@ def dependence(
         between[one.components, other.components] = value * math.sqrt(laws[e].variance * laws[f].variance) * alike
     columns: set[tuple[int, int, bool]] = set()
     for (e, f), fit in fitted.items():
-        one, other = blocks[e], blocks[f]
+        one, other = rules[e], rules[f]
         means, theirs = (laws[n].class_means(fit.classes) for n in (e, f))
         alike = _alike(one, other, components)
         between[one.components, other.components] = np.mean(means * (theirs[::-1] if fit.opposite else theirs)) * alike
         for i, j in np.argwhere(alike):
-            to, origin = (block.class_variates.start + block.alike[at] for block, at in ((one, i), (other, j)))
+            to, origin = (rule.class_variates.start + rule.alike[at] for rule, at in ((one, i), (other, j)))
             columns.add((to, origin, fit.opposite))
-    own = [normal_correlation(laws[e], laws[e], blocks[e].correlation) for e in joined]
+    own = [normal_correlation(laws[e], laws[e], rules[e].correlation) for e in joined]
     within = scipy.linalg.block_diag(
         *(
-            np.kron((1 - value) * np.eye(blocks[e].instances) + value, np.eye(blocks[e].terms))
+            np.kron((1 - value) * np.eye(rules[e].instances) + value, np.eye(rules[e].terms))
             for e, value in zip(joined, own, strict=True)
         )
     )
-    rows = [row for e in joined for row in range(blocks[e].components.start, blocks[e].components.stop)]
-    owner = [e for e in joined for _ in range(blocks[e].instances * blocks[e].terms)]
+    rows = [row for e in joined for row in range(rules[e].components.start, rules[e].components.stop)]
+    owner = [e for e in joined for _ in range(rules[e].instances * rules[e].terms)]
     among = (across + across.T)[np.ix_(rows, rows)] if rows else within
     factor = _root(within + among, owner, labels) if rows else np.empty((0, 0))
     return Dependence(factor, between + between.T, tuple(sorted(columns)))
 
 
-def _check_joined(item: Tolerance, block: Block) -> None:
+def _check_joined(item: Tolerance, rule: SamplingRule) -> None:
     if item.random_phase or not isinstance(item.distribution, Scalar):
         raise InputError(
             f"{item.label}: is correlated with another tolerance, and its vectors have a random phase; use "
             "'rayleigh' or 'normal' without phase"
         )
-    if block.classes > 1:
+    if rule.classes > 1:
         raise InputError(
             f"{item.label}: is correlated with another tolerance, and its parts are sorted into classes, one by "
             "one; leave one of them out"
         )
 
 
-def _alike(one: Block, other: Block, components: Sequence[Component]) -> Flags:
+def _alike(one: SamplingRule, other: SamplingRule, components: Sequence[Component]) -> Flags:
     """Which components of two entries go together: of one place among the parameters, their common indices alike."""
     mine, theirs = components[one.components], components[other.components]
     return np.array(

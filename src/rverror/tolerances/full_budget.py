@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +13,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
+from rverror.base.progress import Progress
 from rverror.base.text import PathLike
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine, Viewed
@@ -70,7 +71,7 @@ def loaded_budget(
     count: int,
     points: int,
     seed: int,
-    progress: Callable[[str], None] | None,
+    progress: Progress | None,
 ) -> LoadedBudget:
     """Solve units at the loads of limits and tell what their tolerances make of each quantity.
 
@@ -174,7 +175,7 @@ def error_budget(
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> ErrorBudget:
     """Compute the error budget of a model and its tolerances.
 

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.errors import InputError
 from rverror.tolerances.cost import CostModel
 
 #: Of a value to its limit, relative.
@@ -22,6 +23,8 @@ CLOSE = 1e-9
 ROUNDS = 200
 
 _TANGENTS = 12  # of a smooth cost in a program with grades, to begin with
+
+_FAILED = 4  # status of `scipy.optimize.milp` that says nothing of the program: not that no grades meet the limit
 
 #: Row R and offset: ``R @ T + offset`` is what is limited, or below it.
 Row = tuple[Array, float]
@@ -218,16 +221,22 @@ def _program(
     add(len(at), value * (1 + costs.power[at]), np.inf, widths=mine * slope, spent=mine)
     again = [[grades[t] == g for t, _, g in choices] for grades in tried]
     add(len(tried), -np.inf, len(costs.tables) - 1, grades=again)
-    found = scipy.optimize.milp(
-        np.concatenate([np.zeros(count), np.ones(count), prices / size]),
-        constraints=constraints,
-        bounds=scipy.optimize.Bounds(
-            np.concatenate([costs.low[smooth] / unit, np.zeros(count + len(choices))]),
-            np.concatenate([np.ones(count), np.full(count, np.inf), np.ones(len(choices))]),
-        ),
-        integrality=np.concatenate([np.zeros(2 * count), np.ones(len(choices))]),
-        options={"mip_rel_gap": 1e-9},
+    bounds = scipy.optimize.Bounds(
+        np.concatenate([costs.low[smooth] / unit, np.zeros(count + len(choices))]),
+        np.concatenate([np.ones(count), np.full(count, np.inf), np.ones(len(choices))]),
     )
+    for rows_in_order in (constraints, constraints[::-1]):  # the solver may fail on one order of the rows
+        found = scipy.optimize.milp(
+            np.concatenate([np.zeros(count), np.ones(count), prices / size]),
+            constraints=rows_in_order,
+            bounds=bounds,
+            integrality=np.concatenate([np.zeros(2 * count), np.ones(len(choices))]),
+            options={"mip_rel_gap": 1e-9},
+        )
+        if found.status != _FAILED:
+            break
+    else:
+        raise InputError(f"grades: the integer program failed, {found.message}; change the limit a little")
     if found.x is None:
         return None
     chosen = {t: g for (t, _, g), taken in zip(choices, found.x[2 * count :], strict=True) if taken > 0.5}

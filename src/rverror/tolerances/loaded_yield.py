@@ -12,6 +12,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction, direction_sign
+from rverror.base.progress import Progress
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.model.effects import Model, check_model
@@ -210,7 +211,7 @@ def verified(
     stream: int = 0,
     confidence: float = 0.95,
     decide: bool = False,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Verified:
     """Draw units afresh and solve them at the loads of all limits.
 
@@ -249,7 +250,7 @@ def verified(
     return Verified(tuple(rows), float(good.mean()), interval, found.failures, seed, stream)
 
 
-def counted(progress: Callable[[str], None] | None, what: str, count: int) -> Callable[[int], None] | None:
+def counted(progress: Progress | None, what: str, count: int) -> Callable[[int], None] | None:
     """Progress in per cent from the numbers of units."""
     if progress is None:
         return None

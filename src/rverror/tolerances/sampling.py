@@ -19,6 +19,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
+from rverror.base.progress import Progress
 from rverror.base.text import PathLike, write_bytes
 from rverror.base.units import named_core
 from rverror.base.version import __version__
@@ -162,7 +163,7 @@ def virtual_units(
     seed: int = 0,
     executor: Executor | None = None,
     folder: PathLike | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> VirtualUnits:
     """Draw virtual units of a model and its tolerances, and compute the sizes of their output errors.
 
@@ -308,7 +309,7 @@ def computed(
     task: Callable[[int], Result],
     indices: Sequence[int],
     executor: Executor | None,
-    progress: Callable[[str], None] | None,
+    progress: Progress | None,
     what: str,
 ) -> Iterator[tuple[int, Result]]:
     """Results of a task for each index, in their order; progress tells after each how many of `what` there are.
@@ -366,7 +367,7 @@ def _digest(stack: Stack, job: _Chunks) -> str:
     """Beginning of the SHA-256 of all that the numbers depend on."""
     tied = () if stack.dependence is None else (stack.dependence.factor, stack.dependence.between)
     classes = () if stack.dependence is None else stack.dependence.classes
-    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, stack.blocks, classes)
+    said = (__version__, np.__version__, scipy.__version__, job.count, job.seed, stack.rules, classes)
     sha = hashlib.sha256(repr(said).encode())
     for array in (stack.nominal, stack.influence, stack.entry, stack.width, *tied):
         sha.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array, Integers
 from rverror.base.chance import student
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.tolerances.sampling import Sampler, check_seed, check_share, computed, sampler, uniforms
 from rverror.tolerances.stacking import Stack
 
@@ -73,7 +74,7 @@ def sobol_indices(
     seed: int = 0,
     confidence: float = 0.95,
     executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[SobolIndices | None, ...]:
     """Indices of any function of independent uniform variates.
 
@@ -161,7 +162,7 @@ def without_joined(found: SobolIndices, stack: Stack) -> SobolIndices:
     """The same, not a number for entries that are correlated with others, and so are no cause by themselves."""
     if stack.dependence is None:
         return found
-    joined = np.isin(np.arange(len(stack.blocks)), stack.entry[stack.dependence.components])
+    joined = np.isin(np.arange(len(stack.rules)), stack.entry[stack.dependence.components])
     ends = ("first", "first_low", "first_high", "total", "total_low", "total_high")
     known: dict[str, Any] = {name: np.where(joined, np.nan, getattr(found, name)) for name in ends}
     return replace(found, **known)

@@ -26,11 +26,11 @@ from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix, transmission_error
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
-from rverror.tolerances.blocks import Block, Component, WorstGroup
 from rverror.tolerances.cost import Choice
 from rverror.tolerances.declared import Tolerance, check_tolerances
 from rverror.tolerances.dependence import Dependence, correlations, dependence, fits, places
 from rverror.tolerances.distribution import Scalar, normal_quantile
+from rverror.tolerances.sampling_rule import Component, SamplingRule, WorstGroup
 
 #: Angles of one revolution where none are given: the mesh orders of an RV-40E need them.
 ANGLES = 4096
@@ -56,7 +56,7 @@ class Stack(OneLine):
         Widths T as given, core units.
     labels : tuple of str
         Name of each entry.
-    blocks : tuple of Block
+    rules : tuple of SamplingRule
         How each entry is drawn.
     theta : ndarray, shape (n,), optional
         Nominal output angle, rad.
@@ -76,7 +76,7 @@ class Stack(OneLine):
     entry: Integers
     width: Array
     labels: tuple[str, ...]
-    blocks: tuple[Block, ...]
+    rules: tuple[SamplingRule, ...]
     theta: Array | None = field(default=None)
     speed: float | None = field(default=None)
     dependence: Dependence | None = field(default=None)
@@ -94,38 +94,38 @@ class Stack(OneLine):
     @property
     def dimensions(self) -> int:
         """Uniform variates that one unit takes."""
-        return self.blocks[-1].variates.stop if self.blocks else 0
+        return self.rules[-1].variates.stop if self.rules else 0
 
     @property
     def variate_entry(self) -> Integers:
         """Entry to which each variate belongs, shape (dimensions,)."""
-        counts = [block.variates.stop - block.variates.start for block in self.blocks]
-        return np.repeat(np.arange(len(self.blocks), dtype=np.intp), counts)
+        counts = [rule.variates.stop - rule.variates.start for rule in self.rules]
+        return np.repeat(np.arange(len(self.rules), dtype=np.intp), counts)
 
     def standard(self, uniforms: Array) -> Array:
         """Standard draws s, shape (units, m), width 1 and mean 0, from variates in 0..1, shape (units, dimensions)."""
         drawn = np.empty((uniforms.shape[0], self.influence.shape[0]))
         if self.dependence is not None:
             uniforms = self.dependence.matched(uniforms)
-        for block in self.blocks:
-            if not block.joined:
-                drawn[:, block.components] = block.standard(uniforms[:, block.variates])
-        together = [block for block in self.blocks if block.joined]
+        for rule in self.rules:
+            if not rule.joined:
+                drawn[:, rule.components] = rule.standard(uniforms[:, rule.variates])
+        together = [rule for rule in self.rules if rule.joined]
         if self.dependence is not None and together:
-            normal = normal_quantile(np.concatenate([uniforms[:, block.variates] for block in together], axis=1))
+            normal = normal_quantile(np.concatenate([uniforms[:, rule.variates] for rule in together], axis=1))
             normal = normal @ self.dependence.factor.T
-            for block in together:
-                assert isinstance(block.distribution, Scalar)
-                count = block.instances * block.terms
-                drawn[:, block.components] = block.distribution.from_normal(normal[:, :count])
+            for rule in together:
+                assert isinstance(rule.distribution, Scalar)
+                count = rule.instances * rule.terms
+                drawn[:, rule.components] = rule.distribution.from_normal(normal[:, :count])
                 normal = normal[:, count:]
         return drawn
 
     @property
     def middle(self) -> Array:
         """Middle of the limits of each standard draw, whose mean is 0, shape (m,)."""
-        counts = [block.instances * block.terms for block in self.blocks]
-        return np.repeat([block.distribution.middle for block in self.blocks], counts)
+        counts = [rule.instances * rule.terms for rule in self.rules]
+        return np.repeat([rule.distribution.middle for rule in self.rules], counts)
 
     def at_middle(self, width: Array | None = None) -> Array:
         """Output error with all toleranced values in the middle of their limits, rad, shape (n,)."""
@@ -135,7 +135,7 @@ class Stack(OneLine):
     @property
     def worst_groups(self) -> tuple[WorstGroup, ...]:
         """Components that the worst case chooses together."""
-        return tuple(group for block in self.blocks for group in block.worst_groups())
+        return tuple(group for rule in self.rules for group in rule.worst_groups())
 
 
 @renamed(speed="input_speed")
@@ -212,38 +212,38 @@ def stack(
     joined = {e for pair in correlations(tolerances) for e in pair}
     partner = {e: (f, fit) for pair, fit in fits(tolerances).items() for e, f in (pair, pair[::-1])}
     components: list[Component] = []
-    blocks: list[Block] = []
+    rules: list[SamplingRule] = []
     rows: list[Array] = []
     means: list[float] = []
     for e, item in enumerate(tolerances):
         entry = source(item.key)
         chosen = [i for i, p in enumerate(entry.parameters) if p in item.chosen]
         instances = item.instances(model.mechanism)
-        first = blocks[-1].variates.stop if blocks else 0
+        first = rules[-1].variates.stop if rules else 0
         classes, class_of = item.classes, tuple[int, ...]()
         if e in partner:
             other, fit = partner[e]
             classes, class_of = fit.classes, places(instances, tolerances[other].instances(model.mechanism))
         law = item.distribution, item.correlation, item.random_phase, e in joined
-        blocks.append(Block(first, len(components), len(instances), len(chosen), *law, classes, class_of))
+        rules.append(SamplingRule(first, len(components), len(instances), len(chosen), *law, classes, class_of))
         for indices in instances:
             least = _least(model.mechanism, item.chosen, rounding)
             rows.append(_without_rounding(next(sources)[chosen], least, rounding))
             components += [Component(item.key, indices, p.name, p.dimension) for p in item.chosen]
             means += [item.mean.get(p.name, 0.0) for p in item.chosen]
     influence = np.concatenate(rows)
-    counts = [block.instances * block.terms for block in blocks]
+    counts = [rule.instances * rule.terms for rule in rules]
     return Stack(
         nominal=nominal + np.array(means) @ influence,
         influence=influence,
         components=tuple(components),
-        entry=np.repeat(np.arange(len(blocks), dtype=np.intp), counts),
+        entry=np.repeat(np.arange(len(rules), dtype=np.intp), counts),
         width=np.array([item.width for item in tolerances]),
         labels=_distinct([item.label for item in tolerances]),
-        blocks=tuple(blocks),
+        rules=tuple(rules),
         theta=angles,
         speed=input_speed,
-        dependence=dependence(tolerances, blocks, components),
+        dependence=dependence(tolerances, rules, components),
         model=model.name or model.mechanism.name or "the model",
         choices=tuple(item.choice for item in tolerances),
     )

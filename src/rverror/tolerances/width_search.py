@@ -6,7 +6,7 @@ Page ``theory/at-the-load.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.tolerances.allocation_result import Allocation, Kind, described
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
 from rverror.tolerances.cost import CostModel
@@ -63,7 +64,7 @@ class WidthSearch:
     sample: int
     verify: int
     seed: int
-    progress: Callable[[str], None]
+    progress: Progress
 
     def __post_init__(self) -> None:
         """Draw the sample, and see how many bad units a verification may have."""
@@ -94,7 +95,7 @@ class WidthSearch:
         """Widths of least cost that fresh units verify."""
         given = self._local(self.costs.given, "the widths as given", self.few)
         value, (slope, _) = given.measure(self.costs.given)
-        found = self._begun()
+        found = self._first_found()
         found, local = self._settled(found, self._local(found.widths, "the first widths", self.few), rounds=_ROUNDS)
         if self.few < self.sample:
             found, local = self._settled(found, self._local(found.widths, "all units", self.sample), rounds=2)
@@ -134,7 +135,7 @@ class WidthSearch:
             seed=self.seed,
         )
 
-    def _begun(self) -> Found:
+    def _first_found(self) -> Found:
         """Widths of the closed form; those as given where it knows none of the limits, or cannot meet them."""
         stack, given = self.units.stack, self.costs.given
         grades = tuple(
@@ -310,7 +311,7 @@ class WidthSearch:
 def idle_entries(stack: Stack) -> Flags:
     """Entries that make no wave in closed form, rounding apart."""
     waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
-    size = np.array([waves[block.components].max(initial=0.0) for block in stack.blocks])
+    size = np.array([waves[rule.components].max(initial=0.0) for rule in stack.rules])
     return np.asarray(size <= _IDLE * size.max())
 
 

@@ -58,10 +58,10 @@ def bench_json(bench: BenchUncertainty | None, *, whole: bool = True) -> dict[st
 
 def bench_sheet(bench: BenchUncertainty | None, *, whole: bool = True) -> Sheet:
     """Budget as a report; `whole` as in `bench_json`."""
-    told = bench_json(bench, whole=whole)
-    if bench is None or told is None:
+    content = bench_json(bench, whole=whole)
+    if bench is None or content is None:
         return ()
-    parts = told["parts"]
+    parts = content["parts"]
     heads = [f"{name.replace('_', ' ')}, arcsec" if name in _ANGLES else name for name in parts[0]]
     return grid(heads, [part.values() for part in parts]) + line(of_figures(bench, whole=whole))
 
@@ -70,5 +70,5 @@ def of_figures(bench: BenchUncertainty, *, whole: bool = True) -> str:
     """What the bench leaves uncertain of each figure; `whole` as in `bench_json`."""
     shown = [figure for figure in _FIGURES if whole or figure != "peak_to_peak"]
     words = {"reading": "one angle", "peak_to_peak": "peak-to-peak", "rms": "rms"}
-    told = ", ".join(f"{words[figure]} ± {bench.of(figure) / ARCSEC:.3f}" for figure in shown)
-    return f"Combined and expanded, k = {COVERAGE:g}: {told} arcsec; {_SAME}."
+    figures = ", ".join(f"{words[figure]} ± {bench.of(figure) / ARCSEC:.3f}" for figure in shown)
+    return f"Combined and expanded, k = {COVERAGE:g}: {figures} arcsec; {_SAME}."

@@ -218,12 +218,12 @@ def _html_of(block: Block) -> str:
         case Sentence():
             return f'<p class="verdict"><strong>{escaped(block.strong)}</strong>{escaped(block.text)}</p>'
         case Listing():
-            told = []
+            parts = []
             for part in block.parts():
                 rows = [[escaped(row[at]) for at in part] for row in block.cells()]
                 flush = [place for place, at in enumerate(part) if at in block.flush()]
-                told.append(table([block.heads[at] for at in part], rows, numbers=flush))
-            return "\n".join(told) + (_soft(block.more()) if block.more() else "")
+                parts.append(table([block.heads[at] for at in part], rows, numbers=flush))
+            return "\n".join(parts) + (_soft(block.more()) if block.more() else "")
         case Facts():
             rows_of = (
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts

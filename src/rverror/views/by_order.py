@@ -31,7 +31,7 @@ def samples_per_turn(diagnosis: Diagnosis) -> float:
     return min(float(trace.theta.size / turns_of(trace.theta)) for trace in diagnosis.traces)
 
 
-def beside(mechanism: Mechanism, order: float) -> tuple[str, ...]:
+def sideband_frames(mechanism: Mechanism, order: float) -> tuple[str, ...]:
     """Frames of which an order that fits none is a sideband, once or twice an output turn away.
 
     Parameters
@@ -48,8 +48,8 @@ def beside(mechanism: Mechanism, order: float) -> tuple[str, ...]:
     Examples
     --------
     >>> from rverror import reducer
-    >>> beside(reducer("RV-40E"), 77), beside(reducer("RV-40E"), 78), beside(reducer("RV-40E"), 36)
-    (('1 below housing 39 x 2',), (), ())
+    >>> [sideband_frames(reducer("RV-40E"), order) for order in (77, 78, 36)]
+    [('1 below housing 39 x 2',), (), ()]
     """
     if frames_of_order(mechanism, order):
         return ()

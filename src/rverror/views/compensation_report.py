@@ -7,7 +7,7 @@ from typing import Any
 from rverror.base.numbers import brief, count_of
 from rverror.base.units import ARCSEC
 from rverror.compensation.outcome import Compensation
-from rverror.compensation.table_files import WrittenTable, correction_json, table_told
+from rverror.compensation.table_files import WrittenTable, correction_json, table_sentences
 from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json, of_figures, of_orders
 from rverror.views.blocks import Sentence, Sheet
@@ -30,7 +30,7 @@ def _table(result: Compensation) -> Table:
         **rows("order", result.orders, order=NUMBER, amplitude=ANGLE, left=ANGLE, law=None, frames=None),
         **rows("order", result.orders, **of_orders(bench)),
     }
-    stays = [f"Remains: {text}" for text in result.stays]
+    stays = [f"Remains: {text}." for text in result.stays]
     if bench is not None:
         stays.append(of_figures(bench))
         if result.worth:
@@ -82,4 +82,4 @@ def _written(made: WrittenTable) -> dict[str, Any]:
 
 @sheet.register
 def _sheet(thing: Compensation, *, table: WrittenTable | None = None) -> Sheet:
-    return (*sheet_of(table_of(thing)), *(() if table is None else map(Sentence, table_told(table))))
+    return (*sheet_of(table_of(thing)), *(() if table is None else map(Sentence, table_sentences(table))))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.errors import InputError
-from rverror.base.numbers import brief
+from rverror.base.numbers import brief, way
 from rverror.base.text import read_bytes
 from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
@@ -26,13 +26,15 @@ from rverror.views.variables import LONG, PERCENT, Table, columns as columns_alo
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
-_NO_SHARE = 0.005  # percent, below which a share is told as none
+_SHARE_DIGITS = 2  # decimals of a share in percent
+_ROUNDING = 1e-12  # of the largest of a column, below which a number is the rounding of zero
+_WORDS = ("held_by", "moves", "part")  # columns of words that the model file joins by underscores
 
 
 def table(result: Any) -> Table:
     """Description of a result as variables along named dimensions."""
-    told = described(result)
-    return replace(told, kind=told.kind or type(result).__name__, rows=told.rows or told.dims[0])
+    made = described(result)
+    return replace(made, kind=made.kind or type(result).__name__, rows=made.rows or made.dims[0])
 
 
 @singledispatch
@@ -60,7 +62,7 @@ def entries(result: Any, /) -> dict[str, Any]:
     return {}
 
 
-def content_of(told: Table) -> dict[str, Any]:
+def content_of(result_table: Table) -> dict[str, Any]:
     """Plain data of a table: each variable with its dimensions, unit and values."""
     variables = {
         name: {
@@ -68,9 +70,9 @@ def content_of(told: Table) -> dict[str, Any]:
             "units": variable.units_shown(),
             "values": _plain(variable.shown(display=True).tolist()),
         }
-        for name, variable in told.variables.items()
+        for name, variable in result_table.variables.items()
     }
-    return {**_plain(dict(told.about)), "variables": variables, "result": told.kind}
+    return {**_plain(dict(result_table.about)), "variables": variables, "result": result_table.kind}
 
 
 def _plain(value: Any) -> Any:
@@ -85,41 +87,42 @@ def _plain(value: Any) -> Any:
 # --- a report of a table ----------------------------------------------------------------------------------------------
 
 
-def sheet_of(told: Table) -> Sheet:
+def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
-    strong, rest = told.verdict
-    others = [dim for dim in told.dims if dim != told.rows and dim not in LONG]
+    strong, rest = result_table.verdict
+    others = [dim for dim in result_table.dims if dim != result_table.rows and dim not in LONG]
     headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
-        *title(kind_in_words(told), *told.title),
+        *title(kind_in_words(result_table), *result_table.title),
         *((Sentence(rest, strong),) if strong else ()),
-        *facts({**_single_numbers(told), **told.facts}),
-        *listed(told, told.rows),
-        *map(Sentence, told.sentences),
+        *facts({**_single_numbers(result_table), **result_table.facts}),
+        *listed(result_table, result_table.rows),
+        *map(Sentence, result_table.sentences),
     )
-    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(told, dim)))
+    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(result_table, dim)))
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
-        *notes([note for note in str(told.about.get("notes", "")).split("\n") if note]),
+        *notes([note for note in str(result_table.about.get("notes", "")).split("\n") if note]),
     )
 
 
-def _single_numbers(told: Table) -> dict[str, str]:
+def _single_numbers(result_table: Table) -> dict[str, str]:
     """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
-    shown = {name: of.shown(display=True).item() for name, of in told.variables.items() if not of.dims}
+    shown = {name: of.shown(display=True).item() for name, of in result_table.variables.items() if not of.dims}
     facts_of = {}
-    for name, value in shown.items():
+    for name in [name for name in shown if not name.endswith(("_low", "_high"))]:
         base = name.removesuffix("_value")
-        ends = [shown[f"{base}_{end}"] for end in ("low", "high") if f"{base}_{end}" in shown]
-        unit = unit_for_people(told.variables[name].unit_text(display=True))
-        if not name.endswith(("_low", "_high")):
-            facts_of[_words(base)] = f"{brief(value)} {unit}" + f" ({' to '.join(map(brief, ends))})" * bool(ends)
+        unit = unit_for_people(result_table.variables[name].unit_text(display=True))
+        value, ends = brief(shown[name]), ""
+        if f"{base}_low" in shown:
+            value, ends = interval_words(shown[name], shown[f"{base}_low"], shown[f"{base}_high"])
+        facts_of[_words(base)] = f"{value} {unit}" + f" ({ends})" * bool(ends)
     return facts_of
 
 
-def kind_in_words(told: Table) -> str:
+def kind_in_words(result_table: Table) -> str:
     """Kind of a result as people read it.
 
     Examples
@@ -127,23 +130,21 @@ def kind_in_words(told: Table) -> str:
     >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
-    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", told.kind).capitalize()
+    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize()
 
 
-def listed(told: Table, dim: str) -> Sheet:
+def listed(result_table: Table, dim: str) -> Sheet:
     """Columns of the rows along a dimension under their names and units, the ends of an interval as one."""
-    if dim not in told.dims:
+    if dim not in result_table.dims:
         return ()
-    arrays, units = columns_along(told, rows=dim, display=True)
+    arrays, units = columns_along(result_table, rows=dim, display=True)
     if set(arrays) <= {dim}:
         return ()
     for own in set(arrays) - set(units):  # units of the rows
         arrays[own] = list(map(unit_for_people, arrays[own]))
-    for name in arrays:
-        if units.get(name) == PERCENT.shown:
-            arrays[name] = np.where(np.abs(arrays[name]) < _NO_SHARE, 0.0, arrays[name])
-    columns = _with_intervals({name: np.asarray(values).tolist() for name, values in arrays.items()})
-    chosen = [name for name in told.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
+    arrays = {name: _readable(name, values, units.get(name, "")) for name, values in arrays.items()}
+    columns = _with_intervals({name: values.tolist() for name, values in arrays.items()})
+    chosen = [name for name in result_table.shown.get(dim, columns) if any(map(_is_known, columns.get(name, ())))]
     count = len(columns[chosen[0]]) if chosen else 0
     places = list(range(count))
     if dim in _COURSES and count > _SOME:
@@ -152,12 +153,28 @@ def listed(told: Table, dim: str) -> Sheet:
     return grid(heads, [[columns[name][at] for name in chosen] for at in places])
 
 
+def _readable(name: str, values: Any, unit: str) -> Any:
+    """Values of a column as people read them: a share or a rounding of nothing as 0, words without underscores."""
+    values = np.asarray(values)
+    if name == "direction" and values.dtype.kind == "f":
+        return np.array([way(value) for value in values])
+    if name in _WORDS:
+        return np.array([text.replace("_", " ") for text in values])
+    if values.dtype.kind != "f":
+        return values
+    if unit == PERCENT.shown:
+        return np.round(values, _SHARE_DIGITS)
+    return np.where(np.abs(values) < _ROUNDING * np.abs(values[np.isfinite(values)]).max(initial=0.0), 0.0, values)
+
+
 def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
     """Columns in which the ends of an interval are one, behind what it is of; values keep the digits that it leaves."""
     joined: dict[str, list[Any]] = {}
+    before = list(columns)[: list(columns).index("low")] if "low" in columns else []
+    owner = "value" if "value" in before else before[-1] if before else None  # bare ends are of what they follow
     for name, values in columns.items():
         lows, highs = (columns.get(f"{name}_{end}") for end in ("low", "high"))
-        if name in ("low", "value") and "low" in columns:
+        if name in ("low", owner):
             lows, highs = columns["low"], columns["high"]
         if lows is None or highs is None:
             if name.split("_")[-1] not in ("low", "high"):
@@ -165,19 +182,32 @@ def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
             continue
         each = [_rounded(*row) for row in zip(values, lows, highs, strict=True)]
         if name != "low":
-            joined[name] = [value for value, _ in each]
-        if any(map(_is_known, values)) and (name != "low" or "value" not in columns):
-            joined["interval" if name in ("low", "value") else f"{name}_interval"] = [ends for _, ends in each]
+            joined[name] = [value for value, *_ in each]
+        if any(map(_is_known, values)) and (name != "low" or owner is None):
+            joined["interval" if name in ("low", owner) else f"{name}_interval"] = [Ends(ends) for _, *ends in each]
     return joined
 
 
-def _rounded(value: float, low: float, high: float) -> tuple[float, Ends]:
-    """Value and interval to two digits of the interval's width."""
-    width = high - low
+def _rounded(value: float, low: float, high: float) -> list[float]:
+    """Value and interval to two digits of the interval's width, of twice its known half where the other has no end."""
+    known = [end for end in (low, high) if math.isfinite(end)]
+    width = high - low if len(known) == 2 else max((2 * abs(value - end) for end in known), default=math.nan)
     if not (math.isfinite(width) and width > 0):
-        return value, Ends((low, high))
+        return [value, low, high]
     digits = 1 - math.floor(math.log10(width))
-    return (round(value, digits) if math.isfinite(value) else value), Ends((round(low, digits), round(high, digits)))
+    return [round(one, digits) if math.isfinite(one) else one for one in (value, low, high)]
+
+
+def interval_words(value: float, low: float, high: float) -> tuple[str, str]:
+    """Value and interval as people read them, to the digits that the interval leaves.
+
+    Examples
+    --------
+    >>> interval_words(39.482, 33.28, math.inf), interval_words(30.171, 30.06, 30.26)
+    (('39', '33 or more'), ('30.17', '30.06 to 30.26'))
+    """
+    shown, least, most = _rounded(value, low, high)
+    return brief(shown), f"{brief(least)} or more" if math.isinf(most) else f"{brief(least)} to {brief(most)}"
 
 
 def _is_known(value: Any) -> bool:
@@ -200,6 +230,15 @@ _SPOKEN = {
     "crawl": "low-speed",
     "pulled": "tensile share,",
     "above_zero": "significant",
+    "cost_scaled_alike": "cost with all widths scaled alike",
+    "cost_per_percent_of_limits_gained": "cost per 1 % of limits",
+    "saved_per_percent_of_limits_given_up": "saving per 1 % of limits",
+    "chance": "p-value",
+    "natural_": "",
+    "of_sun_support": "of the sun's support",
+    "size_interval": "interval",
+    "size_unit": "unit",
+    **{f"lost_{part}": f"{part}_loss" for part in ("pin", "mesh", "crank_bearing", "carrier_bearing", "drag")},
     **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
 }
 #: Headings of rows whose dimension is no word for people.
@@ -221,7 +260,7 @@ _HEADINGS = {
     "unseen": "Measurements that no fit saw",
     "way": "Ways to assemble",
 }
-_INDEX = r"\b(crank|disc|pin) \d"
+_INDEX = r"\b(crank|disc) \d\b|\bpin \d"  # "crank 40" is a frame, the order of what is fixed in it
 _COUNTED = "Cranks, discs and pins are counted from 0."
 
 

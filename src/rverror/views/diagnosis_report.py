@@ -20,9 +20,9 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
 from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
-from rverror.views.by_order import beside, samples_per_turn, turns_of
+from rverror.views.by_order import samples_per_turn, sideband_frames, turns_of
 from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
-from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, value_at
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
@@ -105,19 +105,19 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 def _diagnosis_table(result: Diagnosis) -> Table:
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
-    shares = alike(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
+    shares = same_unit(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
     variables = {
         **_added(result, signal),
-        **rows("stage", _stages(result, bench), stage="0", **alike(signal, *_RESIDUAL, within="1.")),
+        **rows("stage", _stages(result, bench), stage="0", **same_unit(signal, *_RESIDUAL, within="1.")),
         **arrays("", result, noise_rms=signal),
         **rows(
             "unexplained",
             result.unexplained,
             "unexplained_",
             order=NUMBER,
-            **alike(signal, "amplitude", "low", "high", "cos", "sin"),
+            **same_unit(signal, "amplitude", "low", "high", "cos", "sin"),
             **of_orders(bench),
-            frames=lambda one: one.frames or beside(unit, one.order),
+            frames=lambda one: one.frames or sideband_frames(unit, one.order),
             alias_of=lambda one: _folds(one, result),
         ),
         **rows("unseen", result.validation, "unseen_", file=None, before=signal, after=signal, **of_rms),
@@ -129,8 +129,8 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             "elastic_",
             ("elastic_unit", "dimension"),
             name=None,
-            **alike(OWN, "declared", "value", "low", "high"),
-            told=None,
+            **same_unit(OWN, "declared", "value", "low", "high"),
+            told="determined",
         ),
         **passports(result.passport, bench),
         **resonances(result.resonances),
@@ -139,12 +139,12 @@ def _diagnosis_table(result: Diagnosis) -> Table:
         **_angles_of(result, "set_aside", "set_aside"),
         **_angles_of(result, "slip", "slips"),
     }
-    told = {"model": name_of(result.declared), "candidates_tried": result.tried}
-    told |= about(result, "verdict", "quantity", "notes")
+    about_it = {"model": name_of(result.declared), "candidates_tried": result.tried}
+    about_it |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
     return Table(
         variables,
-        told,
+        about_it,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
         shown={
             "added": ("effect", "parameter", "value", "interval", "unit"),
@@ -176,7 +176,7 @@ def _added(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
         key="1.effect.key",
         indices="1.effect.indices",
         parameter="2.name",
-        **alike(OWN, "value", "low", "high", within="2."),
+        **same_unit(OWN, "value", "low", "high", within="2."),
         orders="1.orders",
         heldout_rms=("1.heldout_rms", signal),
         indistinguishable_from=lambda row: "; ".join(describe(*one) for one in row[1].indistinguishable),
@@ -231,7 +231,7 @@ def _traces(result: Diagnosis, signal: Unit) -> dict[str, Variable]:
             samples_per_turn=(lambda one: one.theta.size / turns_of(one.theta) if sampled else None, NUMBER),
         ),
         **arrays("sample", number, "sample_", run=("", NUMBER)),
-        **arrays("sample", joined, "sample_", **(alike(signal, *joined) | {"theta": POSITION})),
+        **arrays("sample", joined, "sample_", **(same_unit(signal, *joined) | {"theta": POSITION})),
     }
 
 
@@ -260,12 +260,12 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
     signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
-    told = content_of(table(diagnosis))
-    variables = {name: of for name, of in told["variables"].items() if of["dimensions"] != ["sample"]}
-    sizes = alike(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.told)}
+    own = content_of(table(diagnosis))
+    variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
+    sizes = same_unit(OWN, "declared", "value", "low", "high")
+    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.determined)}
     return {
-        **told,
+        **own,
         "variables": variables,
         "notes": list(diagnosis.notes),
         **signal.of(diagnosis, "noise_rms"),
@@ -330,40 +330,42 @@ def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
     """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    told, bench = table(diagnosis), stated_bench(diagnosis)
+    own_table, bench = table(diagnosis), stated_bench(diagnosis)
     kinds = kinds_of_causes(diagnosis.passport)
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
     return (
         *title("Diagnosis", name_of(diagnosis.declared)),
         _verdict(diagnosis),
-        *listed(told, "stage"),
+        *listed(own_table, "stage"),
         *line(_credit(diagnosis)),
-        *listed(told, "added"),
+        *listed(own_table, "added"),
         *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
         *_steps(diagnosis),
         *section(
             "Lines that no source of the catalogue explains",
-            *listed(told, "unexplained"),
+            *listed(own_table, "unexplained"),
             *line(own if diagnosis.unexplained else ""),
         ),
-        *section("Measurements that no fit saw", *listed(told, "unseen")),
+        *section("Measurements that no fit saw", *listed(own_table, "unseen")),
         *section(
             "Orders over load, speed and temperature",
             *(
-                (*listed(told, "passport"), *listed(told, "law"), *map(Sentence, kinds))
+                (*listed(own_table, "passport"), *listed(own_table, "law"), *map(Sentence, kinds))
                 if _tells_loads(diagnosis)
                 else ()
             ),
         ),
         *section(
             "Natural frequencies that orders show over the speed",
-            *listed(told, "resonance"),
-            *listed(told, "peak"),
+            *listed(own_table, "resonance"),
+            *listed(own_table, "peak"),
             *line(alone(diagnosis.resonances)),
         ),
-        *section("What accounts for the power of each order", *listed(told, "share")),
-        *section("Stiffness, backlash and contact law", *listed(told, "elastic"), *line(_not_determined(diagnosis))),
-        *section("What was declared", *listed(told, "declared"), *listed(told, "run")),
+        *section("What accounts for the power of each order", *listed(own_table, "share")),
+        *section(
+            "Stiffness, backlash and contact law", *listed(own_table, "elastic"), *line(_not_determined(diagnosis))
+        ),
+        *section("What was declared", *listed(own_table, "declared"), *listed(own_table, "run")),
         *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.shares)),
         *notes(diagnosis.notes),
     )
@@ -431,8 +433,8 @@ def _credit(diagnosis: Diagnosis) -> str:
             "the rest, which noise does not explain."
         )
     return (
-        f"Of this fall in mean square {100 * share:.0f} % are due to what was added, the rest to refitting declared "
-        "sizes within their uncertainty."
+        f"Of this fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
+        "declared sizes within their uncertainty."
     )
 
 
@@ -453,16 +455,19 @@ def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
-    for at, (addition, step) in enumerate(next_steps(diagnosis), 1):
-        tells = ""
+    """What to measure next, once for all causes that a measurement tells apart."""
+    tells: dict[str, list[str]] = {}
+    for addition, step in next_steps(diagnosis):
+        pairs = tells.setdefault(step.what + (f": {step.why}" if step.why else ""), [])
         if addition is not None and step.separates:
             others = ", ".join(describe(*other) for other in step.separates)
-            tells = f" This tells {describe(addition.effect.key, addition.effect.indices)} from {others}."
-        why = f": {step.why}" if step.why else ""
-        yield Sentence(f" {step.what}{why}.{tells}", strong=f"Measure next, {at}:")
+            pairs.append(f"{describe(addition.effect.key, addition.effect.indices)} from {others}")
+    for at, (what, pairs) in enumerate(tells.items(), 1):
+        told = f" This tells {'; '.join(pairs)}." if pairs else ""
+        yield Sentence(f" {what}.{told}", strong=f"Measure next, {at}:")
 
 
 def _not_determined(diagnosis: Diagnosis) -> str:
     """What the runs do not say of stiffness, backlash and contact law."""
-    rest = ", ".join(one.name for one in diagnosis.elastic if not one.told)
+    rest = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
     return f"These runs do not determine {rest}." if rest else ""

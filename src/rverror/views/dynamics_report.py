@@ -16,7 +16,7 @@ from rverror.dynamics.at_speed import CRITICAL, PULLED, SpeedResponse
 from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.views.describing import described, entries
-from rverror.views.fields import alike, arrays, rows
+from rverror.views.fields import arrays, rows, same_unit
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
@@ -64,7 +64,16 @@ def _modes_table(result: Modes) -> Table:
     if result.estimated:
         noticed.append(f"estimated from the geometry, to some 30 %: {', '.join(result.estimated)}")
     about = {"direction": way(result.direction), "estimated": ", ".join(result.estimated), "notes": "\n".join(noticed)}
-    return Table(variables, about, title=(_where(result),))
+    return Table(variables, about, title=(_where(result),), verdict=_modes_verdict(result))
+
+
+def _modes_verdict(result: Modes) -> tuple[str, str]:
+    """The lowest mode of the machine, what holds it and what moves in it."""
+    if (mode := result.lowest) is None:
+        return "", ""
+    held, moves = (_most_of(one)[mode].replace("_", " ") for one in (result.strain_energy, result.kinetic_energy))
+    strong = f"Lowest mode of the machine: {brief(float(result.frequency[mode]))} Hz"
+    return strong, f", mode {1 + mode}; most of its strain energy: {held}; of its kinetic energy: {moves}."
 
 
 def _shares(dim: str, name: str, values: Mapping[str, Array], unit: Unit) -> dict[str, Variable]:
@@ -186,7 +195,7 @@ def _run_up_table(result: RunUp) -> Table:
             time=TIME,
             theta=POSITION,
             speed=SPEED,
-            **alike(ANGLE, "transmission_error", "crawl", "windup", "vibration"),
+            **same_unit(ANGLE, "transmission_error", "crawl", "windup", "vibration"),
             output_torque=TORQUE,
         ),
         **_natural(result),

@@ -21,11 +21,11 @@ COUNT = Unit("dimensionless", "dimensionless")
 #: Stands for the unit of a row's own dimension, and for the name of that unit.
 OWN, OWN_NAME = Unit("own", "own"), Unit("own name", "own name")
 
-Place = str | Callable[[Any], Any]
-Field = Unit | Place | None | tuple[Place, Unit | Each | None]
+Getter = str | Callable[[Any], Any]
+Field = Unit | Getter | None | tuple[Getter, Unit | Each | None]
 
 
-def value_at(row: Any, place: Place) -> Any:
+def value_at(row: Any, getter: Getter) -> Any:
     """Value of a row at a path of attributes, keys and places, None where a part of it is None.
 
     Examples
@@ -33,9 +33,9 @@ def value_at(row: Any, place: Place) -> Any:
     >>> value_at((3 + 4j, "x"), "0.imag"), value_at((None, "x"), "0.imag")
     (4.0, None)
     """
-    if callable(place):
-        return place(row)
-    for part in filter(None, place.split(".")):
+    if callable(getter):
+        return getter(row)
+    for part in filter(None, getter.split(".")):
         if isinstance(row, Mapping):
             row = row.get(part)
         elif row is not None:
@@ -43,7 +43,7 @@ def value_at(row: Any, place: Place) -> Any:
     return row
 
 
-def _parts(name: str, field: Field) -> tuple[Place, Unit | Each | None]:
+def _parts(name: str, field: Field) -> tuple[Getter, Unit | Each | None]:
     """Where a field's value stands, and its unit."""
     if isinstance(field, tuple):
         return field
@@ -55,7 +55,7 @@ def _own(dimension: str | Unit) -> Unit:
 
 
 def rows(
-    dim: str, things: Iterable[Any], prefix: str = "", own: tuple[str, Place] | None = None, /, **fields: Field
+    dim: str, things: Iterable[Any], prefix: str = "", own: tuple[str, Getter] | None = None, /, **fields: Field
 ) -> dict[str, Variable]:
     """Variables along one dimension of things that stand in a row.
 
@@ -65,7 +65,7 @@ def rows(
     things : iterable
     prefix : str
         Of the variables' names.
-    own : tuple of str and place, optional
+    own : tuple of str and getter, optional
         Column of the units of `OWN`, and where a row has its dimension or unit.
     **fields
         Variables by name; None is not determined.
@@ -73,8 +73,8 @@ def rows(
     listed, made = list(things), {}
     units = Each(own[0], tuple(_own(value_at(row, own[1])) for row in listed)) if own else None
     for name, field in fields.items():
-        place, unit = _parts(name, field)
-        values: Any = [in_words(value_at(row, place)) for row in listed]
+        getter, unit = _parts(name, field)
+        values: Any = [in_words(value_at(row, getter)) for row in listed]
         if unit is not None:
             values = np.array(values, dtype=int if unit is COUNT else np.float64)
         made[f"{prefix}{name}"] = Variable((dim,), values, units if unit is OWN else unit)
@@ -95,8 +95,8 @@ def arrays(dims: str, thing: Any, prefix: str = "", /, **fields: Field) -> dict[
         Variables by name; ``("", unit)`` is the thing itself.
     """
     made = {}
-    for name, (place, unit) in _each(fields):
-        values = value_at(thing, place)
+    for name, (getter, unit) in _each(fields):
+        values = value_at(thing, getter)
         if unit is not None and dims and not isinstance(values, np.ndarray | None):
             values = np.array(list(values), dtype=np.float64)
         if values is not None:
@@ -110,17 +110,17 @@ def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
     return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
 
 
-def alike(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
+def same_unit(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
     """Fields of one unit, of the row itself or of a part of it."""
     return {name: (f"{within}{name}", unit) for name in names}
 
 
-def sized(name: str, unit: Unit, place: str = "", value: str = "value") -> dict[str, Field]:
+def sized(name: str, unit: Unit, path: str = "", value: str = "value") -> dict[str, Field]:
     """Fields of a value and of the ends of its interval."""
-    return {f"{name}{end}": (f"{place}.{of}", unit) for end, of in (("", value), ("_low", "low"), ("_high", "high"))}
+    return {f"{name}{end}": (f"{path}.{of}", unit) for end, of in (("", value), ("_low", "low"), ("_high", "high"))}
 
 
-def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Place, Any]]]:
+def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Getter, Any]]]:
     return ((name, _parts(name, field)) for name, field in fields.items())
 
 
@@ -143,9 +143,9 @@ def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str,
     """
     own = _own(dimension) if dimension else NUMBER
     made: dict[str, Any] = {}
-    for key, (place, unit) in _each(fields):
+    for key, (getter, unit) in _each(fields):
         chosen = {OWN: own, PERCENT: NUMBER}.get(unit, unit)
-        made[key] = own.shown if unit is OWN_NAME else _plain(value_at(row, place), chosen)
+        made[key] = own.shown if unit is OWN_NAME else _plain(value_at(row, getter), chosen)
     return made
 
 

@@ -12,7 +12,7 @@ from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
 from rverror.views.describing import described, entries
-from rverror.views.fields import OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
+from rverror.views.fields import OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
 from rverror.views.variables import ANGLE, HOURS, NUMBER, Table, Unit, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
@@ -78,7 +78,7 @@ def _compared_table(result: RunsCompared) -> Table:
         variables,
         about(result, "conditions", "noise", "notes"),
         title=("; ".join(result.conditions),),
-        verdict=(strong, f" by more than the noise, {brief(result.noise / ARCSEC, 2)} arcsec per order"),
+        verdict=(strong, f" by more than the noise, {brief(result.noise / ARCSEC, 2)} arcsec per order."),
         sentences=tuple(_rivals(result.changed)),
         shown={"change": [name for name in _SHOWN if name not in ("course", "since")]},
     )
@@ -132,7 +132,11 @@ def _trend_content(result: Trend) -> dict[str, Any]:
 def _compared_content(result: RunsCompared) -> dict[str, Any]:
     orders = [
         entry(
-            one, order=None, condition=None, **alike(ANGLE, "before", "after", "interval", "difference"), chance=NUMBER
+            one,
+            order=None,
+            condition=None,
+            **same_unit(ANGLE, "before", "after", "interval", "difference"),
+            chance=NUMBER,
         )
         for one in result.orders
     ]
@@ -158,16 +162,16 @@ def _changed(row: tuple[Changed, Grown], **fields: Field) -> dict[str, Any]:
 
 def _trend_verdict(trend: Trend) -> tuple[str, str]:
     """What grows and jumped."""
-    chance = f"(chance {brief(trend.chance, 2)})"
+    chance = f"(p = {brief(trend.chance, 2)})"
     if not trend.changed:
         rest = "beyond noise" if trend.chance >= _LACKING else "that a cause explains, yet sessions differ beyond noise"
-        return "Nothing has changed", f" {rest} {chance}"
+        return "Nothing has changed", f" {rest} {chance}."
     grows, jumped = len(trend.growing), len(trend.jumps)
     parts = [f"{count_of(grows, 'cause')} {'grows' if grows == 1 else 'grow'}"] if grows else []
     parts += [count_of(jumped, "jump")] if jumped else []
     if trend.chance >= _LACKING:
-        return " and ".join(parts), f"; what is left between sessions is noise {chance}"
-    return " and ".join(parts), f"; more than noise is left between sessions {chance}: the model lacks something"
+        return " and ".join(parts), f"; what is left between sessions is noise {chance}."
+    return " and ".join(parts), f"; more than noise is left between sessions {chance}: the model lacks something."
 
 
 def _rivals(changed: Sequence[Changed]) -> Iterator[str]:
@@ -187,12 +191,16 @@ def remaining_words(trend: Trend) -> str:
     left = trend.remaining
     assert left is not None
     name, now, most = left.quantity.replace("_", " "), left.now / ARCSEC, left.limit / ARCSEC
-    what = f"{name} {brief(now, 3)} arcsec now, limit {brief(most, 3)}"
+    what = f"{name.capitalize()}: {brief(now, 3)} arcsec now, limit {brief(most, 3)} arcsec."
     if left.time is None:
-        return f"{what}: nothing that grows is known to reach it, so the time that remains is not to be told"
+        return f"{what} Nothing that grows is known to reach it: the time that remains is not determined."
     times = left.time.low, left.time.value, left.time.high
-    low, middle, high = ("no end" if math.isinf(t) else brief(float(f"{t:.3g}"), 3) for t in times)
-    some = "" if math.isinf(left.time.value) else f"some {middle} "
+    low, middle, high = (brief(float(f"{t:.3g}"), 3) for t in times)
+    if math.isinf(left.time.value):
+        when = f"at the earliest {low} {trend.unit}s after the last session (95 %)"
+    else:
+        ends = f"{low} or more" if math.isinf(left.time.high) else f"{low} to {high}"
+        when = f"about {middle} {trend.unit}s after the last session (95 % interval: {ends})"
     longer = left.time.low / (trend.at.max() - trend.at.min())
-    beyond = f"; that is {brief(longer, 2)} times as long as was measured, or more" if longer > 1 else ""
-    return f"{what}: reached in {some}{trend.unit}s from the last session on (95 %: {low} to {high}){beyond}"
+    beyond = f" That is at least {brief(longer, 2)} times the time measured so far." if longer > 1 else ""
+    return f"{what} It is reached {when}.{beyond}"

@@ -19,7 +19,7 @@ from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
 from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import added_json
-from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, alike, arrays, entry, rows, sized
+from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
 
 _LACKING = 0.001  # chance below which the model lacks something
@@ -178,7 +178,7 @@ def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mea
 def _difference(row: tuple[Any, Shift], **before: Field) -> dict[str, Any]:
     """What has a systematic error, and the error."""
     difference, interval = ("1.size.value", OWN), ("1.size", OWN)
-    place = alike(None, "key", "indices", "parameter", within="1.")
+    place = same_unit(None, "key", "indices", "parameter", within="1.")
     return entry(row, row[1].dimension, **before, **place, difference=difference, interval=interval, unit=OWN_NAME)
 
 
@@ -187,7 +187,7 @@ def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any
     parts: dict[tuple[Any, ...], list[Shift]] = {}
     for cause in causes:
         parts.setdefault(_place(cause.key, cause.indices, ""), []).append(cause)
-    sizes = alike(OWN, "value", "low", "high", within="size.")
+    sizes = same_unit(OWN, "value", "low", "high", within="size.")
     return [
         {
             "key": some[0].key,
@@ -206,11 +206,10 @@ def _lot_verdict(lot: Lot) -> tuple[str, str]:
     """Whether the processes describe the lot."""
     chance = brief(lot.chance, 2)
     if lot.chance >= _LACKING:
-        return "The processes describe the lot", f" (chance {chance})"
+        return "The processes account for the lot", f" (p = {chance})."
     return "The model lacks something", (
-        f": lots of these processes are as far from what they make with a chance of {chance}; sizes below may stand "
-        "for what it lacks, and their intervals are wider for it: measure at a greater torque, or declare what all "
-        "units share"
+        f": a lot that these processes make departs as far from them with p = {chance}. Sizes below may stand for what "
+        "is lacking; their intervals are widened for it. Measure at a greater torque, or declare what all units share."
     )
 
 
@@ -218,7 +217,7 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
     """What is not told apart, what does not show, what was looked for and not found."""
     for one in lot.processes:
         if one.alike and one.deviation is not None:
-            yield f"{process_name(one)} cannot be told from {', '.join(one.alike)}: the size is that of all together"
+            yield f"{process_name(one)} cannot be told from {', '.join(one.alike)}: the size is that of all together."
     unseen = [process_name(one) for one in lot.processes if one.deviation is None]
     if unseen:
         yield f"These conditions do not show {', '.join(unseen)}."
@@ -254,7 +253,7 @@ def _diagnosed(lot: Lot) -> Iterator[str]:
                 f"{describe(a.effect.key, a.effect.indices)} ({', '.join(map(_size, a.estimates))})"
                 for a in one.diagnosis.added
             ]
-            yield f"Unit {one.serial} by itself, {one.diagnosis.verdict}: {'; '.join(added) or 'nothing named'}"
+            yield f"Unit {one.serial} by itself, {one.diagnosis.verdict}: {'; '.join(added) or 'nothing named'}."
 
 
 def _size(one: Estimate) -> str:
@@ -267,7 +266,7 @@ def _size(one: Estimate) -> str:
 
 @described.register
 def _drive_lot_table(result: DriveLot) -> Table:
-    sizes = alike(ANGLE, "least", "median", "most")
+    sizes = same_unit(ANGLE, "least", "median", "most")
     own: dict[str, Field] = {"unit": "serial", "order": NUMBER, "distance": NUMBER, "chance": NUMBER, "condition": None}
     variables = {
         **rows("place", result.orders, order=NUMBER, chance=NUMBER, condition=None, **sizes, phase=POSITION),
@@ -279,7 +278,7 @@ def _drive_lot_table(result: DriveLot) -> Table:
             "pair_",
             one="serials.0",
             other="serials.1",
-            **alike(ANGLE, "difference", "usual"),
+            **same_unit(ANGLE, "difference", "usual"),
             chance=NUMBER,
         ),
         **arrays("unit", result, unit=lambda lot: list(lot.serials)),
@@ -311,7 +310,7 @@ def _matched_table(result: Matched) -> Table:
         if any(unit.parts[place].turn for unit in units):
             placed[f"{name}_turn"] = (f"parts.{place}.turn", COUNT)
     if any(unit.chance < 1 for unit in units):
-        placed["chance"] = PERCENT
+        placed["probability"] = ("chance", PERCENT)
     turns = {one.label: ([unit.turns[at] for unit in units], ANGLE) for at, one in enumerate(result.quantities)}
     yields: dict[str, Field] = {"yield": ("share", PERCENT), "p95": PERCENT, "cost": NUMBER}
     variables = {
@@ -326,17 +325,17 @@ def _matched_table(result: Matched) -> Table:
     limits = zip(result.quantities, result.allowed, strict=True)
     named = [name for name in ("unit", *placed, *turns) if not name.startswith("roller")]  # the spreadsheet has those
     good = sum(unit.chance for unit in units)
-    expected = f" As the sizes are uncertain, {brief(good, 3)} of them are expected to be." * (good < len(units))
+    expected = f" With the uncertainty of the sizes {brief(good, 3)} are expected to meet them." * (good < len(units))
     return Table(
         variables,
         about(result, "model", "possible", "bound", "doubt", "notes"),
         title=(result.model, "; ".join(f"{one.label}: {with_unit(x, 'angle')}" for one, x in limits)),
         verdict=(
-            f"{len(units)} of {result.possible} units",
-            " that the parts allow meet the limits, each solved under load. By the linear influences no assembly of "
-            f"these parts gives more than {result.bound}.{expected}",
+            f"{len(units)} of {result.possible} possible units meet the limits",
+            f"; each is solved under load. By linear influences no way to assemble these parts gives more than "
+            f"{result.bound}.{expected}",
         ),
-        facts={f"{kind}, {len(some)} stay": _serials(some) for kind, some in result.left.items()},
+        facts={f"{kind}, {len(some)} left over": _serials(some) for kind, some in result.left.items()},
         shown={"unit": named, "left": (), "quantity": ()},
     )
 

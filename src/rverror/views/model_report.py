@@ -131,8 +131,8 @@ def _model_table(result: Model) -> Table:
     for end in (result.bench, result.encoders):
         for name, value in end.given().items():
             dimension = quantities(end)[name].dimension
-            told = brief(value) if dimension == "number" else with_unit(value, dimension)
-            ends[f"bench: {name.replace('_', ' ')}"] = told
+            shown = brief(value) if dimension == "number" else with_unit(value, dimension)
+            ends[f"bench: {name.replace('_', ' ')}"] = shown
     unit = result.mechanism
     return Table(
         _of_effects(result.effects),
@@ -229,13 +229,13 @@ _CONDITIONS = {"direction": NUMBER, "input_speed": SPEED, "temperature": TEMPERA
 def _orders_table(result: OrderTable) -> Table:
     each = [(at, case.condition, case, row) for at, case in enumerate(result.cases) for row in range(case.orders.size)]
     waves = np.concatenate([np.zeros(0, complex), *(case.waves for case in result.cases)])
-    told: dict[str, Field] = {
+    fields: dict[str, Field] = {
         name: (f"1.{name}", unit)
         for name, unit in _CONDITIONS.items()
         if any(getattr(condition, name) is not None for _, condition, *_ in each)
     }
     variables = {
-        **rows("wave", each, case=("0", COUNT), **told, order=(lambda row: row[2].orders[row[3]], NUMBER)),
+        **rows("wave", each, case=("0", COUNT), **fields, order=(lambda row: row[2].orders[row[3]], NUMBER)),
         **arrays(
             "wave",
             waves,

@@ -33,8 +33,8 @@ def line(thing: Any) -> str:
     >>> line(rverror.Model(rverror.reducer("RV-40E")))
     'Model: RV-40E, R = 121, 0 effects'
     """
-    told = table(thing)
-    return printable(f"{kind_in_words(told)}: {', '.join(filter(None, told.title))}")
+    own_table = table(thing)
+    return printable(f"{kind_in_words(own_table)}: {', '.join(filter(None, own_table.title))}")
 
 
 def page(thing: Any) -> str:

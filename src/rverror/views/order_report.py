@@ -15,7 +15,7 @@ from rverror.diagnosis.orders.resonances import Resonance, ResonantSeries
 from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import of_orders, order_json
-from rverror.views.fields import OWN, Field, alike, entry, rows, sized
+from rverror.views.fields import OWN, Field, entry, rows, same_unit, sized
 from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit, Variable
 
 _PER_LOAD = Unit("rad/(N*mm)", "arcsec/(kN*m)", ARCSEC / 1e6)
@@ -32,7 +32,7 @@ _PARTS = (
 
 def _phase(part: WavePart | None) -> float:
     """Phase of a part, rad; not a number where its disc holds zero."""
-    return float(np.angle(part.value)) if part is not None and part.told else math.nan
+    return float(np.angle(part.value)) if part is not None and part.significant else math.nan
 
 
 def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = None) -> dict[str, Variable]:
@@ -50,7 +50,7 @@ def passports(found: Sequence[OrderPassport], bench: BenchUncertainty | None = N
         laws[f"{words}_phase"] = (f"2.{name}", POSITION)
     laws["off_a_straight_line"] = "1.bent"
     sizes = sized("amplitude", ANGLE, value="amplitude") | of_orders(bench)
-    shares = alike(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
+    shares = same_unit(PERCENT, "constant", "load", "speed", "temperature", "left", within="shares.")
     each = [(one, law, {name: _phase(getattr(law, name)) for name, *_ in _PARTS}) for one in found for law in one.laws]
     return {
         **rows("passport", found, "passport_", order=NUMBER, **sizes),
@@ -84,8 +84,8 @@ def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | N
             **entry(
                 one,
                 amplitude_arcsec=("amplitude", ANGLE),
-                **alike(ANGLE, "low", "high"),
-                **alike(None, "bent", "kinds"),
+                **same_unit(ANGLE, "low", "high"),
+                **same_unit(None, "bent", "kinds"),
                 constants="constants.relation",
                 loads="loads.relation",
                 shares=NUMBER,
@@ -101,12 +101,12 @@ def passport_json(found: Sequence[OrderPassport], *, bench: BenchUncertainty | N
 
 
 def _law_json(law: DirectionLaw) -> dict[str, Any]:
-    of_part = alike(OWN, "amplitude", "low", "high") | {"phase_deg": (_phase, POSITION)}
+    of_part = same_unit(OWN, "amplitude", "low", "high") | {"phase_deg": (_phase, POSITION)}
     parts = {key: (getattr(law, name), unit) for name, _, unit, key in _PARTS}
     return {
         "direction": way(law.direction),
         **{key: None if part is None else entry(part, unit, **of_part) for key, (part, unit) in parts.items()},
-        **entry(law, **alike(None, "cases", "bent", "not_told")),
+        **entry(law, **same_unit(None, "cases", "bent", "not_told")),
     }
 
 
@@ -120,7 +120,7 @@ def resonances_json(found: Sequence[Resonance]) -> list[dict[str, Any]]:
     ----------
     found : sequence of Resonance
     """
-    sizes = alike(NUMBER, "low", "high", "damping_ratio")
+    sizes = same_unit(NUMBER, "low", "high", "damping_ratio")
     return [entry(one, frequency_hz=("frequency", NUMBER), **sizes) for one in found]
 
 

@@ -214,17 +214,17 @@ def to_xlsx(result: Any, /, *, path: PathLike = "workbook") -> bytes:
     >>> to_xlsx(rverror.effect("crank.index", crank=0, angle="1 arcmin"))[:2]  # a workbook is a zip file
     b'PK'
     """
-    told = table(result)
-    single = [(name, of, of.shown(display=True).item()) for name, of in told.variables.items() if not of.dims]
+    result_table = table(result)
+    single = [(name, of, of.shown(display=True).item()) for name, of in result_table.variables.items() if not of.dims]
     numbers = [(name, _cell(value), of.unit_text(display=True)) for name, of, value in single]
     sheets: dict[str, Iterable[Sequence[object]]] = {"numbers": [("name", "value", "unit"), *numbers]}
-    dims = [dim for dim in told.dims if dim == told.rows or dim not in LONG]
-    return workbook(path, sheets | {dim: _rows(told, dim, units=True) for dim in dims})
+    dims = [dim for dim in result_table.dims if dim == result_table.rows or dim not in LONG]
+    return workbook(path, sheets | {dim: _rows(result_table, dim, units=True) for dim in dims})
 
 
-def _rows(told: Table, rows: str, *, units: bool) -> Iterator[list[float | int | str | None]]:
+def _rows(result_table: Table, rows: str, *, units: bool) -> Iterator[list[float | int | str | None]]:
     """Heads and rows of a table along one dimension; `units` as in `to_csv`."""
-    found, unit_of = columns(told, rows=rows, display=True)
+    found, unit_of = columns(result_table, rows=rows, display=True)
     tagged = {name for name in found if units and unit_of.get(name, "") not in ("", NUMBER.core)}
     yield [f"{name} [{unit_of[name]}]" if name in tagged else name for name in found]
     for row in zip(*found.values(), strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,8 +16,9 @@ from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
 from rverror.statics.rigidity import TorsionCurve
 from rverror.statics.worn_contacts import Wear
+from rverror.views.blocks import in_words
 from rverror.views.describing import described
-from rverror.views.fields import arrays, rows
+from rverror.views.fields import COUNT, arrays, rows
 from rverror.views.model_report import name_of, ways
 from rverror.views.variables import (
     ANGLE,
@@ -49,6 +51,7 @@ def _state_table(result: Equilibrium) -> Table:
         **arrays(
             "disc",
             result.loaded_pins,
+            disc=(lambda pins: np.arange(len(pins)), COUNT),
             fewest_loaded_pins=(lambda pins: pins.min(axis=1), NUMBER),
             most_loaded_pins=(lambda pins: pins.max(axis=1), NUMBER),
         ),
@@ -176,9 +179,12 @@ def _pressure_table(result: ContactPressure) -> Table:
     variables |= arrays("disc pin theta", result, pin_place=("place", POSITION))
     peaks = {"contact": None, "indices": None, "pressure": PRESSURE, "force": FORCE, "theta": POSITION}
     variables |= rows("peak", result.peaks(), "peak_", **peaks, ripple=PERCENT)
-    note = "ripple: of the hardest pressed contact of each angle, largest less smallest over the mean"
+    note = "Ripple: range over mean, over the angles, of the highest pressure at each angle."
     angles = count_of(result.theta.size, "angle")
-    return Table(variables, title=(angles,), sentences=(note,), rows="peak")
+    top = result.peaks()[0]
+    where = f" at the {top.contact} ({in_words(top.indices)}), output angle {brief(math.degrees(top.theta))} deg."
+    verdict = f"Highest pressure {with_unit(top.pressure, 'pressure')}", where
+    return Table(variables, title=(angles,), verdict=verdict, sentences=(note,), rows="peak")
 
 
 @described.register

@@ -77,11 +77,11 @@ def to_pandas(result: Any, *, rows: str = "", display: bool = False) -> DataFram
     True
     """
     pandas = _library("pandas")
-    told = table(result)
-    found, units = columns(told, rows=rows, display=display)
+    result_table = table(result)
+    found, units = columns(result_table, rows=rows, display=display)
     frame: DataFrame = pandas.DataFrame(found)
-    about: dict[str, Any] = {"kind": told.kind, "rverror": __version__, **told.about}
-    for name, variable in told.variables.items():
+    about: dict[str, Any] = {"kind": result_table.kind, "rverror": __version__, **result_table.about}
+    for name, variable in result_table.variables.items():
         if not variable.dims:
             about[name] = variable.shown(display=display).item()
             units[name] = variable.unit_text(display=display)
@@ -126,10 +126,10 @@ def to_xarray(result: Any, *, display: bool = False) -> Dataset:
     (('disc', 'pin', 'xy', 'theta'), 'N')
     """
     xarray = _library("xarray")
-    told = table(result)
+    result_table = table(result)
     data: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
-    for name, variable in told.variables.items():
+    for name, variable in result_table.variables.items():
         values = variable.shown(display=display)
         unit = variable.unit_text(display=display)
         if values.dtype.kind in "OU":
@@ -141,7 +141,7 @@ def to_xarray(result: Any, *, display: bool = False) -> Dataset:
                 variable.dims[:1],
                 np.array(variable.unit.texts(display=display), dtype=str),
             )
-    about = {"kind": told.kind, "rverror": __version__, **told.about}
+    about = {"kind": result_table.kind, "rverror": __version__, **result_table.about}
     found: Dataset = xarray.Dataset(data, coordinates, {name: _attribute(value) for name, value in about.items()})
     return found
 

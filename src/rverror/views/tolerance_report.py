@@ -10,7 +10,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way, with_unit
+from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.lots.result import Interval
@@ -22,8 +22,8 @@ from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
 from rverror.views.blocks import Sheet
-from rverror.views.describing import described, entries, sheet, sheet_of
-from rverror.views.fields import COUNT, OWN, Field, alike, arrays, entry, rows, sized
+from rverror.views.describing import described, entries, interval_words, sheet, sheet_of
+from rverror.views.fields import COUNT, OWN, Field, arrays, entry, rows, same_unit, sized
 from rverror.views.model_report import name_of
 from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
 
@@ -65,21 +65,17 @@ def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variabl
 
 
 def yield_words(found: Verified) -> tuple[str, ...]:
-    """Yield of all limits together, how many units were solved, and what the quantiles are of."""
-    share, low, high = (100 * one for one in (found.together, *found.together_interval))
-    limited = [one for one in found.limits if one.limit.value is not None]
-    told = []
-    if len(limited) > 1:
-        told.append(f"All limits together are met by {share:.4g} % of the units, {low:.4g} to {high:.4g}.")
+    """How many units were solved, and what the quantiles are of."""
+    sentences = []
     if found.failures:
-        told.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
+        sentences.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
     first = found.limits[0]
-    told.append(
-        f"At the load: {first.units} units drawn afresh, seed {found.seed}, solved by the equilibrium, contacts that "
-        f"open included; interval: {100 * first.confidence:g} %. A quantile far within the limit may not be known; P99 "
-        "of a stiffness is what 99 % of the units do not fall below."
+    sentences.append(
+        f"Under load: {first.units} new virtual units, seed {found.seed}, each solved by the equilibrium, contacts "
+        f"that open included; intervals: {100 * first.confidence:g} %. A quantile far within its limit may not be "
+        "known. P99 of a stiffness: 99 % of the units are at least as stiff."
     )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
@@ -163,16 +159,17 @@ def _allocation_table(result: Allocation) -> Table:
         ),
         **rows("tolerance", result.rates, **rates),
         **arrays("", result, limit=ANGLE, shadow_price=NUMBER, cost_scaled_alike=("uniform_cost", NUMBER)),
-        **arrays("", result.closed_form, "closed_form_", **alike(ANGLE, "value", "low", "high")),
+        **arrays("", result.closed_form, "closed_form_", **same_unit(ANGLE, "value", "low", "high")),
         **({} if loaded is None else yields(loaded, [None] * len(loaded.limits))),
     }
     binds = "The limit sets some widths" if "limit" in result.held_by else "Bounds and grades alone set the widths"
+    verified = "" if loaded is None else f" {_verdict_at_load(loaded)}"
     shown = ("tolerance", "width_before", "width", "unit", "cost_before", "cost", "held_by", "grade", *rates)
     return Table(
         variables,
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {within(result)}",),
-        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}."),
+        verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}.{verified}"),
         sentences=_sentences(result),
         shown={"tolerance": shown},
         rows="tolerance",
@@ -182,18 +179,18 @@ def _allocation_table(result: Allocation) -> Table:
 def _sentences(found: Allocation) -> tuple[str, ...]:
     """What is limited, what the rates are, how good the widths are."""
     check, loaded = found.closed_form, found.verified
+    size, ends = interval_words(*(one / ARCSEC for one in (check.value, check.low, check.high)))
     limits = "all limits" if found.kind == "load" else "the limit"
-    told = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
+    sentences = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
     if found.shadow_price is not None:
-        told.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+        sentences.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
     if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
-        told.append("Where infinitely much is saved, the width does not matter.")
-    told += yield_words(loaded) if loaded else ()
-    told.append(
-        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak "
-        f"{with_unit(check.value, 'angle')} ({brief(check.low / ARCSEC)} to {brief(check.high / ARCSEC)})."
+        sentences.append("Where the saving is infinite, the width does not matter.")
+    sentences += yield_words(loaded) if loaded else ()
+    sentences.append(
+        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak {size} arcsec ({ends})."
     )
-    return tuple(told)
+    return tuple(sentences)
 
 
 @entries.register
@@ -269,8 +266,8 @@ def _of_tolerances(closed: Budget) -> dict[str, Variable]:
         components=COUNT,
         mean_square=SQUARE,
         share=PERCENT,
-        **alike(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
-        **alike(ANGLE, "offset_deviation", "worst_offset"),
+        **same_unit(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
+        **same_unit(ANGLE, "offset_deviation", "worst_offset"),
         effect=None,
     )
 
@@ -279,8 +276,8 @@ def _of_angles(closed: Budget) -> dict[str, Variable]:
     """Waveforms of the error, and what the tolerances make together."""
     return {
         **arrays("theta", closed, theta=("theta", POSITION)),
-        **arrays("theta", closed, **alike(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
-        **arrays("theta", closed.worst, **alike(ANGLE, "lower", "upper")),
+        **arrays("theta", closed, **same_unit(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
+        **arrays("theta", closed.worst, **same_unit(ANGLE, "lower", "upper")),
         **arrays("", closed, root_sum_of_squares=("rss", ANGLE), expected_rms=("rms", ANGLE)),
         **arrays("", closed, standard_deviation_of_offset=("offset_deviation", ANGLE)),
     }
@@ -315,8 +312,8 @@ def _counts(closed: Budget) -> str:
 def _quiet(closed: Budget) -> tuple[str, ...]:
     """What makes no wave."""
     quiet = ", ".join(one.label for one in closed.contributions if one.effect != "wave")
-    told = f"In closed form these change the offset of the output angle alone, or nothing: {quiet}."
-    return (told,) if quiet else ()
+    sentence = f"In closed form these change the offset of the output angle alone, or nothing: {quiet}."
+    return (sentence,) if quiet else ()
 
 
 # --- of virtual units -------------------------------------------------------------------------------------------------
@@ -334,10 +331,10 @@ def _units_table(result: VirtualUnits) -> Table:
 
 @described.register
 def _error_budget_table(result: ErrorBudget) -> Table:
-    return _told(result, None)
+    return _table_with_yield(result, None)
 
 
-def _told(result: ErrorBudget, limit: Any | None) -> Table:
+def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
     """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
     closed, drawn, loaded = result.closed, result.units, result.at_load
     order = _order(closed)
@@ -354,8 +351,8 @@ def _told(result: ErrorBudget, limit: Any | None) -> Table:
         f"Closed form{_state(result)}; {closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."
     ]
     sentences.append(
-        "P99: what 99 % of the units do not exceed. Low to high: the 95 % interval of the Monte Carlo estimate, not "
-        "how far units scatter. Sobol index: share of the variance of the peak-to-peak."
+        "P99: 99 % of the units do not exceed it. Intervals: 95 %, of the Monte Carlo estimate, not of the scatter of "
+        "units. Sobol index: share of the variance of the peak-to-peak."
     )
     sentences += _quiet(closed)
     if loaded is not None:
@@ -403,7 +400,7 @@ def _state(result: ErrorBudget) -> str:
 def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
     """What most units stay within, what makes most of it, the yield at a limit."""
     p99 = result.units.quantile(0.99)
-    size, low, high = (brief(value / ARCSEC) for value in (p99.value, p99.low, p99.high))
+    size, ends = interval_words(*(value / ARCSEC for value in (p99.value, p99.low, p99.high)))
     strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
     first = max(result.closed.contributions, key=lambda one: one.share)
     most = " No tolerance changes more than the offset."
@@ -415,12 +412,25 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
         found = result.units.yield_at(at)
         share, least, largest = (100 * one for one in (found.value, found.low, found.high))
         within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
-    return strong, f" ({low} to {high}).{most}{within}"
+    closed = f"({ends}).{most}{within}"
+    if result.at_load is None or all(one.limit.value is None for one in result.at_load.verified.limits):
+        return strong, f" {closed}"
+    return _verdict_at_load(result.at_load.verified), f" Closed form: {strong} {closed}"
+
+
+def _verdict_at_load(found: Verified) -> str:
+    """Share of the units that meet all limits under load, and the limit that most of them exceed."""
+    share, interval = interval_words(*(100 * one for one in (found.together, *found.together_interval)))
+    limited = [one for one in found.limits if one.limit.value is not None]
+    hardest = min(limited, key=lambda one: one.share)
+    what = "all limits together" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
+    worst = f"; {100 * hardest.share:.4g} % meet the hardest, the {hardest.limit.label}" if len(limited) > 1 else ""
+    return f"{share} % of the units meet {what} under load ({interval}){worst}."
 
 
 @sheet.register
 def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
-    return sheet_of(_told(thing, limit))
+    return sheet_of(_table_with_yield(thing, limit))
 
 
 @entries.register

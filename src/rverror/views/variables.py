@@ -65,7 +65,7 @@ PRESSURE = unit_of("pressure")
 
 def unit_for_people(unit: str) -> str:
     """Name of a unit in a report; numbers have none."""
-    return {NUMBER.core: "", "percent": "%"}.get(unit, unit)
+    return {NUMBER.core: "", "percent": "%", "mm**3": "mm³"}.get(unit, unit)
 
 
 @dataclass(frozen=True)
@@ -183,11 +183,11 @@ def columns(table: Table, *, rows: str = "", display: bool = False) -> tuple[dic
     if chosen not in table.dims:
         raise InputError(f"rows = {rows!r}: a {table.kind} has no such rows; give one of {', '.join(table.dims)}")
     found: dict[str, Any] = {}
-    told: dict[str, str] = {}
+    unit_texts: dict[str, str] = {}
     for name, variable in table.variables.items():
         if variable.dims == (chosen,):
             column = name.removeprefix(f"{chosen}_")
-            found[column], told[column] = variable.shown(display=display), variable.unit_text(display=display)
+            found[column], unit_texts[column] = variable.shown(display=display), variable.unit_text(display=display)
             if isinstance(variable.unit, Each):
                 found[variable.unit.name.removeprefix(f"{chosen}_")] = variable.unit.texts(display=display)
-    return found, told
+    return found, unit_texts

@@ -80,7 +80,7 @@ def test_one_turn_each_way_names_the_cause_and_says_the_stiffness(usual: Diagnos
     assert found.before.heldout_rms > 0.999 * found.before_refitted.heldout_rms
     assert found.before_refitted.heldout_rms > 3 * found.after.heldout_rms
     soft = {e.name: e for e in found.elastic}
-    assert soft["pin_contact"].told
+    assert soft["pin_contact"].determined
     assert soft["pin_contact"].low < OTHER.stiffness.pin_contact < soft["pin_contact"].high < 200e3
     for name in ("crank_bearing", "carrier_bearing", "gear_mesh"):
         assert soft[name].low < getattr(OTHER.stiffness, name) < soft[name].high

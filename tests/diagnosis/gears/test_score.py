@@ -140,7 +140,7 @@ def drawn(draws: int, noise: float) -> list[tuple[Fit, list[Offer]]]:
     records = [replace(r, noise=RunNoise(np.zeros(0), made)) for r in first.run_set.records]
     run_set = first.run_set.with_records(records)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in PLACES)])
-    shown = run_set.sights[0].whiten(rows)
+    shown = run_set.observations[0].whiten(rows)
     blocks = [
         Columns(name, np.eye(b - a), (shown[a:b],)) for name, a, b in zip(PLACES, ends[:-1], ends[1:], strict=True)
     ]

@@ -171,6 +171,75 @@ def test_a_set_that_is_worth_less_than_what_is_declared_is_not_expanded() -> Non
     assert {names for names, _ in search.expanded} == {frozenset(), right.names}
 
 
+def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
+    """Beside fewer causes one more is added; where there is no room, another takes the place of each."""
+    weak = replace(HEAD, values=tuple(0.16 * v for v in HEAD.values))
+    search = read(weak, TWICE, most_effects=2)
+    wrong = search.score.of(beside(search.root.fit, TWICE, PLANET))
+    assert search.moves.nearly(wrong)
+    assert not search.complete(wrong)
+    first = next(search.moves.exchanged(wrong))
+    assert {named(e) for e in first.added} == {named(HEAD), named(TWICE)}
+    assert first.score < wrong.score
+    search.keep([wrong])
+    search.expand_beam()
+    assert (wrong.names, "exchanged") in search.expanded
+    assert (wrong.names, "_elsewhere") not in search.expanded
+
+
+def test_two_causes_that_fit_as_well_elsewhere_together_are_told() -> None:
+    """The bore of the other disc and the other disc's wave, both opposite: either alone fits far worse."""
+    bore = rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, radial="3.8 um", tangential="-0.2 um")
+    wave = rverror.effect("cycloid.disc_profile", disc=0, harmonic=3, cos="-2 um", sin="3 um")
+    places = [{("disc", 1), ("crank", 0)}, {("disc", 0), ("crank", 1)}], [{("disc", 0)}, {("disc", 1)}]
+    fit = settled(Model(OTHER, (bore, wave)), bore, wave, points=1024)
+    search = search_of(fit, [bore.key, wave.key])
+    best, done = search.best()
+    assert done
+    for number, effect in enumerate(best.fit.added):
+        told = [dict(effect.indices), *(indices for _, indices in search.as_good(best, number))]
+        of_bore = effect.key == bore.key
+        for place in places[0 if of_bore else 1]:
+            assert any(place <= set(indices.items()) for indices in told)
+
+
+def test_another_place_is_told_of_the_cause_that_has_moved_alone() -> None:
+    """Of two harmonics of one planet the second fits as well on the other planet."""
+    first, second = (
+        rverror.effect("involute.planet_pitch", crank=0, harmonic=h, cos="3 um", sin="1 um") for h in (1, 2)
+    )
+    moved = replace(second, indices={**second.indices, "crank": 1})
+    search = search_of(read(HEAD).root.fit, [first.key])
+    one, other = (
+        replace(search.score.of(beside(search.root.fit, first, effect)), score=0.0) for effect in (second, moved)
+    )
+    search.keep([one, other])
+    assert search.as_good(one, 0) == ()
+    assert search.as_good(one, 1) == ((moved.key, dict(moved.indices)),)
+
+
+def test_a_set_that_nearly_fits_is_raced_elsewhere_and_has_one_cause_more_in_one_round() -> None:
+    weak = replace(HEAD, values=tuple(0.16 * v for v in HEAD.values))
+    search = read(weak, TWICE)
+    near = search.score.of(beside(search.root.fit, TWICE, PLANET))
+    assert search.moves.nearly(near)
+    assert not search.complete(near)
+    search.keep([near])
+    search.expand_beam()
+    assert [kind for names, kind in search.expanded if names == near.names] == ["_elsewhere", "_singly"]
+
+
+@pytest.mark.parametrize("true", [(HEAD,), (HEAD, PLANET)])
+def test_of_a_complete_set_several_causes_are_moved_at_once_last(true: tuple[Effect, ...]) -> None:
+    """A full set, of which the beam moves none; a single cause has been swapped for its equivalents already."""
+    search = read(*true, most_effects=len(true))
+    best, done = search.best()
+    assert done
+    assert best.names == {named(e) for e in true}
+    last = "challengers" if len(true) == 1 else "_elsewhere"
+    assert search.expanded[-1] == (best.names, last)
+
+
 def test_where_no_set_is_complete_the_beam_widens_to_its_end() -> None:
     """A wave of the crank's order, which no candidate makes and which is no line of its own."""
     search = read(HEAD, more=3 * ARCSEC * np.cos(32 * THETA), budget=10**6)

@@ -10,8 +10,8 @@ import pytest
 import rverror
 from gear_runs import OTHER, TURN, UNIT
 from rverror.diagnosis.gears.grid import whole
-from rverror.diagnosis.gears.waveform import Conditioned, solve_all
-from rverror.geartrain.kinematics import Conditions
+from rverror.diagnosis.gears.waveform import LoadCase, solve_all
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.statics.loaded_state import statics_of
 
 CAM = rverror.effect("crank.eccentricity", crank=0, disc=0, radial="8 um", tangential="-5 um")
@@ -28,12 +28,12 @@ def test_poses_of_one_turn_of_the_crank_are_those_of_the_whole_turn(
 
     `within` is of how far each unknown moves.
     """
-    conditioned = Conditioned(direction, 50e3, whole(0.3, TURN, points))
-    near = conditioned.solve(OTHER, (CAM, PROFILE))
+    load_case = LoadCase(direction, 50e3, whole(0.3, TURN, points))
+    near = load_case.solve(OTHER, (CAM, PROFILE))
     assert near.grid.points < points
-    carried = conditioned._carried(near, conditioned.turn)
+    carried = load_case._carried(near, load_case.turn)
     assert carried is not None
-    solved = statics_of(OTHER, Conditions(conditioned.turn.theta, direction, 50e3)).predict((CAM, PROFILE)).poses
+    solved = statics_of(OTHER, OperatingConditions(load_case.turn.theta, direction, 50e3)).predict((CAM, PROFILE)).poses
     assert carried == pytest.approx(solved, rel=0, abs=within * float(np.ptp(solved, axis=0).max()))
     # each unknown by itself, those that move least among them
     assert np.all(np.abs(carried - solved).max(axis=0) <= 10 * within * np.ptp(solved, axis=0))
@@ -41,19 +41,19 @@ def test_poses_of_one_turn_of_the_crank_are_those_of_the_whole_turn(
 
 def test_a_cause_in_the_housing_is_solved_from_poses_without_it() -> None:
     """It does not repeat with the crank; from the turn of the crank that was solved before, or anew, it is the same."""
-    conditioned = Conditioned(1.0, 50e3, whole(0.3, TURN, 256))
-    near = conditioned.solve(UNIT, (CAM,))
-    after, anew = conditioned.solve(UNIT, (CAM, PIN), near), conditioned.solve(UNIT, (CAM, PIN))
-    assert near.grid != after.grid == anew.grid == conditioned.turn
+    load_case = LoadCase(1.0, 50e3, whole(0.3, TURN, 256))
+    near = load_case.solve(UNIT, (CAM,))
+    after, anew = load_case.solve(UNIT, (CAM, PIN), near), load_case.solve(UNIT, (CAM, PIN))
+    assert near.grid != after.grid == anew.grid == load_case.turn
     assert after.error == pytest.approx(anew.error, rel=0, abs=1e-9 * float(np.ptp(anew.error)))
-    assert conditioned._carried(anew, conditioned.turn) is None
-    assert conditioned._carried(replace(near, poses=None), conditioned.turn) is None
+    assert load_case._carried(anew, load_case.turn) is None
+    assert load_case._carried(replace(near, poses=None), load_case.turn) is None
 
 
 def test_both_directions_as_one_system_are_what_each_is_alone() -> None:
     """Under one torque they are solved together, over few angles; contacts that open, another load, from near poses."""
     turn = whole(0.3, TURN, 512)
-    conditions = [Conditioned(sense, torque, turn) for torque in (20e3, 50e3) for sense in (1.0, -1.0)]
+    conditions = [LoadCase(sense, torque, turn) for torque in (20e3, 50e3) for sense in (1.0, -1.0)]
     loose = rverror.effect("crank.bearing_clearance", clearance="4 um")
     softer = replace(OTHER, stiffness=replace(OTHER.stiffness, pin_contact=1.5e5))
     for effects in ((CAM, loose), (CAM, PIN)):

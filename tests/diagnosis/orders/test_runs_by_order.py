@@ -9,7 +9,7 @@ import rverror
 from gear_runs import OTHER, TURN, UNIT, runs_of
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.orders.runs_by_order import passport_of_runs
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.effects import Model
 from rverror.statics.prediction import predict
 
@@ -29,7 +29,7 @@ def test_runs_at_three_loads_tell_a_constant_and_a_slope() -> None:
     for law in strongest.laws:
         waves = []
         for load in LOADS:
-            error = predict(Model(OTHER, (CAM,)), Conditions(theta, law.direction, load)).transmission_error
+            error = predict(Model(OTHER, (CAM,)), OperatingConditions(theta, law.direction, load)).transmission_error
             waves.append(2 * np.mean(error * np.exp(-16j * theta)))
         slope, constant = np.polyfit(LOADS, waves, 1)
         assert law.constant is not None

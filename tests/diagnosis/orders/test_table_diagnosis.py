@@ -28,9 +28,9 @@ from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.orders import tables
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
-from rverror.diagnosis.orders.table_set import TableSight, noise_of_cases, table_set
+from rverror.diagnosis.orders.table_set import TableObservation, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY
-from rverror.geartrain.kinematics import Conditions
+from rverror.geartrain.kinematics import OperatingConditions
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.order_table import OrderCase, TableCondition
@@ -155,7 +155,7 @@ def test_a_table_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
 def test_a_run_that_no_fit_saw_is_foretold(found: rverror.Diagnosis) -> None:
     theta = TURN * np.arange(1024) / 1024
     model = Model(OTHER, (CAM, HEAD))
-    error = predict(model, Conditions(theta, 1.0, 90e3)).transmission_error
+    error = predict(model, OperatingConditions(theta, 1.0, 90e3)).transmission_error
     run = rverror.run_from_arrays(input_angle=49 * theta, te=error + 3e-4, torque=90e3, direction="forward")
     held = rverror.diagnosis.validated(found, [run]).validation[0]
     assert held.after < 0.05 * held.before
@@ -199,22 +199,24 @@ def test_waves_of_a_grid_are_those_that_were_put_in_and_turn_with_the_marks() ->
     orders = np.array([1.0, 3.5, 7.0, 48.0])
     waves = rng.normal(size=4) + 1j * rng.normal(size=4)
     case = OrderCase(condition=TableCondition(direction=1.0), orders=orders, waves=waves)
-    sight = TableSight(case, np.ones(8), turn, None, UNIT)
+    observation = TableObservation(case, np.ones(8), turn, None, UNIT)
 
     def rows(shift: float) -> Array:
         return np.asarray([np.real(np.exp(1j * np.outer(turn.theta + shift, orders)) @ waves) + 0.3])
 
-    assert sight.of_grid(turn, rows(0.0), 0.0)[0] == pytest.approx(sight.measured, abs=1e-12)
-    assert sight.of_grid(turn, rows(0.0), 0.4)[0] == pytest.approx(sight.of_grid(turn, rows(0.4), 0.0)[0], abs=1e-12)
+    assert observation.of_grid(turn, rows(0.0), 0.0)[0] == pytest.approx(observation.measured, abs=1e-12)
+    assert observation.of_grid(turn, rows(0.0), 0.4)[0] == pytest.approx(
+        observation.of_grid(turn, rows(0.4), 0.0)[0], abs=1e-12
+    )
 
 
 def test_the_change_with_the_marks_is_the_derivative() -> None:
     rng, turn = np.random.default_rng(3), whole(0.0, TURN, 256)
     case = OrderCase(condition=TableCondition(direction=1.0), orders=np.array([3.0, 16.0]), waves=np.zeros(2, complex))
-    sight = TableSight(case, np.ones(4), turn, None, UNIT)
+    observation = TableObservation(case, np.ones(4), turn, None, UNIT)
     wave = Waveform(turn, rng.normal(size=256), np.zeros((0, 256)), np.zeros((10, 256)), (), UNIT)
-    here, there = (sight.of_wave(wave, wave.error[None], 0.3 + step)[0] for step in (-1e-6, 1e-6))
-    assert sight.change(wave, 0.3) == pytest.approx((there - here) / 2e-6, rel=1e-6)
+    here, there = (observation.of_wave(wave, wave.error[None], 0.3 + step)[0] for step in (-1e-6, 1e-6))
+    assert observation.change(wave, 0.3) == pytest.approx((there - here) / 2e-6, rel=1e-6)
 
 
 def test_marks_that_are_ahead_are_found() -> None:

@@ -99,7 +99,7 @@ def test_a_claim_takes_its_share_of_what_is_left(share: float, least: float) -> 
     found = told(table, HEAD.key, claim_takes=least)
     assert claims(found) == ([HEAD.key] if share > least else [])
     if claims(found):
-        assert any(f"takes {100 * share:.0f} % of what is left of order 1" in note for note in found.added[0].notes)
+        assert any(f"removes {100 * share:.0f} % of what is left of order 1" in note for note in found.added[0].notes)
 
 
 def test_a_claim_takes_its_share_of_what_is_measured() -> None:
@@ -155,7 +155,7 @@ def test_one_load_that_is_astray_makes_no_claim() -> None:
     found = told(torsion_table(lambda d, t: 4 * d * (t > 200), (50, 150, 300)), TORSION)
     assert claims(found) == []
     (fate,) = [one for one in found.history if one.key == TORSION and one.indices == {"harmonic": 3}][:1]
-    assert (fate.fate, fate.why) == ("fell", "loads that its sizes did not see are foretold worse with it")
+    assert (fate.fate, fate.why) == ("fell", "loads that its sizes did not see are predicted worse with it")
     assert claims(told(torsion_table(lambda d, t: 4 * d * t / 300, (50, 150, 300)), TORSION)) == [TORSION]
 
 

@@ -61,7 +61,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         (silent, "no process shows", {"kind": "shares"}),
         (whole, "run = 2: must be 0 to 1", {"kind": "orders", "run": 2}),
         (replace(whole, orders=np.empty(0)), "no orders to draw", {"kind": "orders"}),
-        (replace(whole, predicted=()), "foretells nothing", {"kind": "predicted"}),
+        (replace(whole, predicted=()), "predicts nothing", {"kind": "predicted"}),
     ):
         with pytest.raises(InputError, match=words):
             wrong.plot(**options)

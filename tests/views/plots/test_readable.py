@@ -25,6 +25,7 @@ from rverror.views.plots.budgets import cost_against_limit
 from rverror.views.plots.figure import (
     COLUMNS,
     for_drawing,
+    labelled,
     legend_below,
     legend_beside,
     svg_element,
@@ -57,6 +58,19 @@ def shown(shell: Any, cell: str) -> dict[str, Any]:
     done = shell.run_cell(cell)
     assert done.success, done.error_in_exec
     return {} if done.result is None else shell.display_formatter.format(done.result)[0]
+
+
+@pytest.mark.parametrize(
+    ("values", "numbers"), [([0.02, 1.0, 50.0], {"0.1", "1", "10"}), ([2.0, 5.0], {"2", "3", "4"})]
+)
+def test_logarithmic_axes_have_plain_numbers(values: list[float], numbers: set[str]) -> None:
+    figure, (ax,) = new_figure()
+    ax.plot([0.0, 1.0, 2.0][: len(values)], values)
+    labelled(ax, x="x", y="y", legend="", yscale="log")
+    figure.draw_without_rendering()
+    drawn = {one.get_text() for which in ("major", "minor") for one in ax.get_yticklabels(which=which)}
+    assert numbers <= drawn
+    assert all(re.fullmatch(r"[0-9.]*", one) for one in drawn)
 
 
 def test_a_cell_that_ends_with_a_plot_shows_its_picture(shell: Any) -> None:

@@ -47,6 +47,16 @@ def test_the_same_figure_has_the_same_data_and_another_number_other_names() -> N
     assert one["id"] != other["id"]
 
 
+def test_each_line_of_a_title_stands_above_the_next() -> None:
+    figure = curve()
+    figure.axes[0].set_title("first line\nsecond line", x=0.0, ha="left")
+    texts = data_of(figure_element(figure, 0))["axes"][0]["texts"]
+    first, second = (next(one for one in texts if one["text"] == f"{name} line") for name in ("first", "second"))
+    assert first["position"][0] == second["position"][0] == 0.0
+    height = figure.axes[0].bbox.height
+    assert (first["position"][1] - second["position"][1]) * height == pytest.approx(1.2 * second["fontsize"], rel=1e-3)
+
+
 def test_a_gap_of_a_line_is_json_and_stays_a_gap() -> None:
     figure, (ax,) = new_figure()
     ax.plot([0.0, 1.0, 2.0, 3.0], [1.0, np.nan, 2.0, 3.0])

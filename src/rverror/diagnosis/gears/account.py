@@ -69,7 +69,7 @@ def account(
     # a line is no part of the model: it stays in what the model leaves
     lined = fit.run_set.with_records([replace(r, orders=()) for r in fit.run_set.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
-    lines = told_lines(fit, best.lines, left)
+    lines = line_estimates(fit, best.lines, left)
     held = residual(fit).heldout_rms if fit.added else 0.0
     added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
@@ -276,7 +276,7 @@ def _orders(fit: Fit, at: int) -> tuple[float, ...]:
     return leading(names, np.where(inner & (size > 1e-3 * fit.run_set.policy.least_line), size, 0.0), size.max())
 
 
-def told_lines(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
+def line_estimates(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.run_set.policy
     rests = fit.residual
@@ -316,7 +316,7 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
     result = []
     for at in np.flatnonzero(fit.run_set.soft).tolist():
         own, half, name = count + at, halves[count + at], SOFTENING[at]
-        told = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
+        determined = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
         if at < 6:
             value = getattr(now.stiffness, name)
             sizes = getattr(unit.stiffness, name), value, value * math.exp(-half), value * math.exp(half)
@@ -324,7 +324,7 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
             low = max(values[at] - half, float(SOFT_BOUNDS[at, 0]))
             sizes = stated[at], values[at], low, values[at] + half
         dimension = "stiffness" if at < 6 else "length" if name == "gear_backlash" else "number"
-        result.append(ElasticEstimate(name, dimension, *sizes, told))
+        result.append(ElasticEstimate(name, dimension, *sizes, determined))
     return tuple(result)
 
 

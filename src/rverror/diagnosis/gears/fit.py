@@ -20,11 +20,11 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.chance import student
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.gears.observation import EverySample, MeanSamples, Observation
 from rverror.diagnosis.gears.record import Record, conditions_of
-from rverror.diagnosis.gears.sight import EverySample, MeanSamples, Sight
 from rverror.diagnosis.gears.waveform import (
     SOFT_BOUNDS,
-    Conditioned,
+    LoadCase,
     Named,
     Waveform,
     soft_values,
@@ -65,7 +65,7 @@ class RunSet:
     unit : Reducer or Drive
         As declared.
     records : tuple of Record
-    conditions : tuple of Conditioned
+    conditions : tuple of LoadCase
     which : tuple of int
         Condition of each record.
     policy : Policy
@@ -85,7 +85,7 @@ class RunSet:
 
     unit: Mechanism
     records: tuple[Record, ...]
-    conditions: tuple[Conditioned, ...]
+    conditions: tuple[LoadCase, ...]
     which: tuple[int, ...]
     policy: Policy
     soft: Flags
@@ -126,7 +126,7 @@ class RunSet:
         if not self.anywhere:
             return self
         start = float(self.records[0].theta.min()) + offset
-        turns = [Conditioned(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
+        turns = [LoadCase(c.direction, c.torque, replace(c.turn, start=start)) for c in self.conditions]
         return replace(self, conditions=tuple(turns))
 
     @cached_property
@@ -152,7 +152,7 @@ class RunSet:
     @cached_property
     def freedom(self) -> int:
         """Independent values of all runs."""
-        return sum(sight.freedom for sight in self.sights)
+        return sum(observation.freedom for observation in self.observations)
 
     @cached_property
     def allowance(self) -> float:
@@ -217,12 +217,12 @@ class RunSet:
         under = each(made, range(len(self.conditions)))
 
         def seen(number: int) -> Array:
-            sight, which = self.sights[number], self.which[number]
+            observation, which = self.observations[number], self.which[number]
             forces, part = under[which]
-            rows = np.zeros((ends[-1], sight.width))
-            rows[at] = sight.of_grid(self.conditions[which].turn, part, offset)
+            rows = np.zeros((ends[-1], observation.width))
+            rows[at] = observation.of_grid(self.conditions[which].turn, part, offset)
             for i in set(range(len(named))) - on_grid:
-                rows[ends[i] : ends[i + 1]] = sight.beyond(self, model, named[i], forces, offset)
+                rows[ends[i] : ends[i + 1]] = observation.beyond(self, model, named[i], forces, offset)
             return rows
 
         return self.of_each(seen)
@@ -232,7 +232,7 @@ class RunSet:
         return each(function, range(len(self.records)))
 
     @cached_property
-    def sights(self) -> tuple[Sight, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """How each record is looked at."""
         together = self.together or (1,) * len(self.records)
         return tuple(
@@ -293,7 +293,7 @@ class Fit:
         run_set, first = self.run_set, len(self.declared.effects)
         within = {i for i, e in enumerate(self.model.effects) if i >= first and not source(e.key).at_output}
         if not within:
-            return [np.zeros(sight.width) for sight in run_set.sights]
+            return [np.zeros(observation.width) for observation in run_set.observations]
         rest = replace(self.model, effects=tuple(e for i, e in enumerate(self.model.effects) if i not in within))
         try:
             waves = run_set.solve(rest)
@@ -304,8 +304,8 @@ class Fit:
             [v * (i in within and run_set.apart(e.key)) for i, e in enumerate(self.model.effects) for v in e.values]
         )
         offset, result, raw = self.model.index_offset, [], onto(run_set, self).raw
-        for sight, which, rows in zip(run_set.sights, run_set.which, raw, strict=True):
-            both, less = (sight.of_wave(w[which], w[which].error[None], offset)[0] for w in (self.waves, waves))
+        for observation, which, rows in zip(run_set.observations, run_set.which, raw, strict=True):
+            both, less = (observation.of_wave(w[which], w[which].error[None], offset)[0] for w in (self.waves, waves))
             result.append(both - less + apart @ rows[: apart.size])
         return result
 
@@ -442,24 +442,24 @@ def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Wav
 
     def seen(number: int) -> tuple[Array, Array, Array, float, Array, Array]:
         """Of one record: residual, whitened rows, rows, squares, Gram matrix and moment."""
-        sight, wave = run_set.sights[number], waves[run_set.which[number]]
-        rows = np.zeros((size, sight.width))
-        part = sight.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
+        observation, wave = run_set.observations[number], waves[run_set.which[number]]
+        rows = np.zeros((size, observation.width))
+        part = observation.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
         predicted = part[0]
         rows[at] = part[1:]
         for i, effect in others:
             own = slice(ends[i], ends[i + 1])
             if source(effect.key).acts == "marks":
-                rows[own] = sight.change(wave, offset)
+                rows[own] = observation.change(wave, offset)
                 continue
             named = (effect.key, effect.indices)
-            rows[own] = sight.beyond(run_set, model, named, forces[run_set.which[number]][1], offset)
+            rows[own] = observation.beyond(run_set, model, named, forces[run_set.which[number]][1], offset)
             predicted = predicted + np.array(effect.values) @ rows[own]
         for k, label in enumerate(run_set.zeros):
             if run_set.records[number].zero == label:
-                rows[count + len(SOFTENING) + k] = sight.constant
-        rest = sight.measured - predicted
-        white = _whitened(sight, np.concatenate([rest[None], rows]))
+                rows[count + len(SOFTENING) + k] = observation.constant
+        rest = observation.measured - predicted
+        white = _whitened(observation, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
 
     residuals, all_rows, raw, squares, grams, moments = zip(*run_set.of_each(seen), strict=True)
@@ -475,10 +475,10 @@ def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Wav
     return Fit(run_set, model, declared, tuple(waves), residuals, all_rows, raw, data, gram, moment)
 
 
-def _whitened(sight: Sight, rows: Array) -> Array:
+def _whitened(observation: Observation, rows: Array) -> Array:
     """Rows under the noise; what is nothing, as stiffness is without a load, costs nothing."""
     shows = rows.any(axis=1)
-    white = sight.whiten(rows[shows])
+    white = observation.whiten(rows[shows])
     if shows.all():
         return white
     result = np.zeros((len(rows), white.shape[1]))

@@ -17,11 +17,11 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
+from rverror.diagnosis.gears.contact_gaps import ContactGaps
 from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, lifted, onto
 from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
 from rverror.diagnosis.gears.score import Hypothesis, Score, identity, named
 from rverror.diagnosis.gears.trial import Trial
-from rverror.diagnosis.gears.twins import Gaps
 from rverror.diagnosis.gears.waveform import Named, Waveform
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
@@ -285,15 +285,14 @@ class Moves:
     def swapped(self, one: Hypothesis) -> Iterator[Trial]:
         """Others in the place of each cause: such as close the same gaps, equivalent places, linear steps, and starts
         of what repeats with the crank as the cause does, or does not."""
-        (fit, blocks), cost = self.influences(one), self.score.cost
+        fit, blocks = self.influences(one)
         unit, free = fit.run_set.unit, self.free(fit)
-        gaps = self._once("gaps", self.candidates, lambda: Gaps(fit.run_set.gears))
+        gaps = self._once("gaps", self.candidates, lambda: ContactGaps(fit.run_set.gears))
         for number, effect in enumerate(fit.added):
-            name = effect.key, effect.indices
-            rest, own = lifted(fit, number), columns_of(fit, [name])
-            able = {identity(other) for other in (*free, name)}
+            rest, own = lifted(fit, number), columns_of(fit, [(effect.key, effect.indices)])
+            able = {identity(other) for other in free} | {named(effect)}
             others = [e for e in equivalents(effect, unit) if named(e) in able]
-            for other in (*gaps.twins(effect, free), *gaps.near(effect, free), *others):
+            for other in (*gaps.equivalents(effect, free), *gaps.near(effect, free), *others):
                 yield Trial(rest.model.with_effects(other), one.score, one.slim)
             # another cause of the set may be all of it, with the sizes of both
             for other in gaps.near(effect, [(e.key, e.indices) for e in rest.added]):
@@ -301,10 +300,31 @@ class Moves:
             with_crank = source(effect.key).repeats_with_crank(unit, effect.indices)
             begun = self._starts(fit, self.starting(with_crank=with_crank))
             for hold, some in ((False, blocks), (True, blocks), (False, begun)):
-                offers = singles(rest, [*some, *own], cost, hold=hold)
-                # what the cause itself promises by the same step, or has where that leads to sizes which cannot be
-                mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
-                yield from self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
+                yield from self._in_place_of(one, fit, number, [*some, *own], hold=hold)
+
+    def exchanged(self, one: Hypothesis) -> Iterator[Trial]:
+        """Another cause in the place of each, by linear steps from the fitted sizes of the others.
+
+        Where two of three causes are right, their sizes are nearly so, and the step that replaces the third says more
+        than one that adds a cause to the two: the declared sizes have not moved to make up for it.
+        """
+        fit, blocks = self.influences(one)
+        found = list[Trial]()
+        for number, effect in enumerate(fit.added):
+            own = columns_of(fit, [(effect.key, effect.indices)])
+            found += self._in_place_of(one, fit, number, [*blocks, *own])
+        yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
+
+    def _in_place_of(
+        self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns], *, hold: bool = False
+    ) -> list[Trial]:
+        """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself
+        by the same step, or has where that leads to sizes which cannot be."""
+        name, cost = (fit.added[number].key, fit.added[number].indices), self.score.cost
+        rest = lifted(fit, number)
+        offers = singles(rest, blocks, cost, hold=hold)
+        mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
+        return self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
 
     def alone(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place from all its starts, in the place of a cause of its frame, and of two causes or more.
@@ -450,6 +470,6 @@ class Moves:
         run_set: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
     ) -> Array:
         """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        sight, which = run_set.sights[number], run_set.which[number]
-        rows = [sight.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
-        return sight.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, sight.width))
+        observation, which = run_set.observations[number], run_set.which[number]
+        rows = [observation.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
+        return observation.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, observation.width))

@@ -60,7 +60,7 @@ def columns_of(fit: Fit, names: Sequence[Named]) -> list[Columns]:
     run_set = fit.run_set
     rows = run_set.influences(fit.model, fit.waves, names)
     ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in names)])
-    white = run_set.of_each(lambda number: run_set.sights[number].whiten(rows[number]))
+    white = run_set.of_each(lambda number: run_set.observations[number].whiten(rows[number]))
     return [
         Columns(name, np.eye(last - first), tuple(one[first:last] for one in white))
         for name, first, last in zip(names, ends[:-1], ends[1:], strict=True)

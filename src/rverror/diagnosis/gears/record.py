@@ -15,7 +15,7 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.waveform import Conditioned, under
+from rverror.diagnosis.gears.waveform import LoadCase, under
 from rverror.diagnosis.noise import RunNoise, Whitening
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
@@ -299,7 +299,7 @@ def _with_faults(record: Record, faults: Faults) -> Record:
     )  # fmt: skip
 
 
-def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> tuple[list[Conditioned], list[int]]:
+def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> tuple[list[LoadCase], list[int]]:
     """Conditions, each once, and which each record has; their grids cover what was travelled, or a turn."""
     low, high = min(r.theta.min() for r in records), max(r.theta.max() for r in records)
     step = _TURN / points
@@ -308,7 +308,7 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
         grid: AngleGrid = whole(float(records[0].theta.min()), _TURN, points)
     else:
         grid = stretch(low, high, step)
-    found: list[Conditioned] = []
+    found: list[LoadCase] = []
     which = []
     for record in records:
         # without friction the pose knows a signed torque alone, not the motion
@@ -316,7 +316,7 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
         at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
         if at is None:
             breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()
-            found.append(Conditioned(*key, replace(grid, breaks=breaks)))
+            found.append(LoadCase(*key, replace(grid, breaks=breaks)))
             at = len(found) - 1
         which.append(at)
     return found, which

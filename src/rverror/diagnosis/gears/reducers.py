@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account, run_notes
 from rverror.diagnosis.gears.fit import (
@@ -32,7 +33,7 @@ from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Diagnosis, Progress
+from rverror.diagnosis.result import Diagnosis
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer

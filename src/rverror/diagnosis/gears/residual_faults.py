@@ -21,7 +21,8 @@ def nearly_noise(fit: Fit) -> bool:
 
     A fault is large in few values and what is missing shows in all, so none counts as more than noise makes it.
     """
-    white = (sight.whiten(rest[None]) for sight, rest in zip(fit.run_set.sights, fit.residual, strict=True))
+    seen = zip(fit.run_set.observations, fit.residual, strict=True)
+    white = (observation.whiten(rest[None]) for observation, rest in seen)
     squares = sum(float(np.minimum(row**2, _BY_NOISE**2).sum()) for row in white)
     return squares <= fit.run_set.policy.nearly_noise * fit.bound
 

@@ -181,5 +181,5 @@ def inexact(fit: Fit) -> float:
 
 def bent(fit: Fit, policy: Policy) -> float:
     """Squares that the model's error about what was added leaves, a share of what it makes through the gear train."""
-    seen = zip(fit.run_set.sights, fit.added_parts, strict=True)
-    return policy.added_share**2 * sum(float(np.sum(sight.whiten(part[None]) ** 2)) for sight, part in seen)
+    seen = zip(fit.run_set.observations, fit.added_parts, strict=True)
+    return policy.added_share**2 * sum(float(np.sum(observation.whiten(part[None]) ** 2)) for observation, part in seen)

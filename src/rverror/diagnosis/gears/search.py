@@ -112,7 +112,7 @@ class Search:
             if self.complete(best):
                 if not swap:
                     return best.whole, True
-                if not (self.expand(best, self.challengers) or self.compare(best)):
+                if not (self.expand(best, self.challengers) or self.compare(best) or self._joined(best)):
                     return best.whole, True
             elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
                 return best.whole, False
@@ -149,12 +149,14 @@ class Search:
 
     def _promising(self, size: int) -> list[Trial]:
         """Trials of so many causes that may be the best of that number, and, where the first of them completed no set,
-        some that were not solved yet: of what bends a linear step promises too little."""
+        some that were not solved yet: of what bends a linear step promises too little.  These are left alone where more
+        causes leave no more than noise already: what is missing is then among those."""
         known = [one.score for one in self.known.values() if len(one.fit.added) == size]
         limit = min(known, default=math.inf) + _CLOSE * (self._width - 1)
         same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: t.score)
         first = distinct([trial for trial in same if trial.score <= limit], _TOGETHER)
-        if not self._rounds and self._width == 1:
+        fits = any(len(one.fit.added) > size and one.fit.data <= one.fit.bound for one in self.known.values())
+        if fits or (not self._rounds and self._width == 1):
             return first
         chosen = set(map(id, first))
         return first + distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
@@ -314,6 +316,10 @@ class Search:
             gains = [one for one in self.known.values() if one.score <= self.root.score]
             alike = sorted((one for one in gains if len(one.fit.added) == size), key=outlook)
             for one in alike[: self._width]:
+                if self._moved(one):
+                    found = True
+                    if self.complete(self._leader):
+                        return True
                 found = any(self.expand(one, kind) for kind in self._kinds(one)) or found
             for one in alike[: _AS_GOOD * self._width] if self._rounds else ():
                 found = self.expand(one, self._begun_beside) or found
@@ -321,11 +327,15 @@ class Search:
 
     def _kinds(self, one: Hypothesis) -> list[Callable[[Hypothesis], Iterator[Trial]]]:
         """Moves from a set, in their order."""
-        moves, full = self.moves, len(one.fit.added) == self.policy.most_effects
-        misplaced = [self._elsewhere] if one.fit.added and moves.nearly(one) else []
-        if full:
-            return [*misplaced, self._lined]
-        return [*misplaced, self._singly, moves.doubly, moves.begun, self._lined]
+        moves = self.moves
+        if len(one.fit.added) < self.policy.most_effects:
+            return [self._singly, moves.doubly, moves.begun, self._lined]
+        return [moves.exchanged, self._lined] if moves.nearly(one) else [self._lined]
+
+    def _moved(self, one: Hypothesis) -> bool:
+        """Race a set that nearly fits with its causes elsewhere; of a full one others replace causes instead."""
+        able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.nearly(one)
+        return able and self.expand(one, self._elsewhere)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
@@ -368,6 +378,13 @@ class Search:
         for part in self.parts(one):
             if part.fit.added and self.moves.nearly(part):
                 yield from self.race(list(self.moves.moved(part)))
+            if one.slow and not part.slow:  # settling was added before causes were tried in its place
+                yield from self.moves.singly(part)
+
+    def _joined(self, one: Hypothesis) -> bool:
+        """Race a complete set of several causes with some in equivalent places at once: one at a time they were swapped
+        already."""
+        return len(one.fit.added) > 1 and self.expand(one, self._elsewhere)
 
     def settling(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with runs that drift and settle, if they do."""
@@ -411,13 +428,26 @@ class Search:
         return sorted(found, key=lambda other: other.score)
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
-        """Other causes that fit as well in one's place, by score or by objective."""
-        behind, own = -2 * math.log(self.policy.alike), {named(e) for e in one.fit.added}
-        return tuple(
-            next((e.key, dict(e.indices)) for e in rival.fit.added if named(e) not in own)
-            for rival in self.rivals(one, number)
-            if min(rival.score - one.score, rival.fit.objective - one.fit.objective) < behind
-        )
+        """Other causes that fit as well in one's place, by score or by objective; also those of its source in sets of
+        which several causes are elsewhere."""
+        effect, own = one.fit.added[number], {named(e) for e in one.fit.added}
+        behind, keys = -2 * math.log(self.policy.alike), sorted(e.key for e in one.fit.added)
+        elsewhere = [
+            other
+            for other in sorted(self.known.values(), key=lambda other: other.score)
+            if named(effect) not in other.names
+            and sorted(e.key for e in other.fit.added) == keys
+            and (other.lines, other.slow) == (one.lines, one.slow)
+        ]
+        found = [
+            e
+            for some, wanted in ((self.rivals(one, number), None), (elsewhere, effect.key))
+            for other in some
+            if min(other.score - one.score, other.fit.objective - one.fit.objective) < behind
+            for e in other.fit.added
+            if named(e) not in own and wanted in (None, e.key)
+        ]
+        return tuple((e.key, dict(e.indices)) for e in {named(e): e for e in found}.values())
 
     def opposites(self, one: Hypothesis) -> list[Fit]:
         """Fits at the opposite of a cause within the odds of `alike`: intervals hold theirs too.

@@ -12,7 +12,7 @@ from rverror.base.arrays import Array
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, motion
-from rverror.geartrain.kinematics import Conditions, Pose, fundamental_orders
+from rverror.geartrain.kinematics import OperatingConditions, Pose, fundamental_orders
 from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Mechanism, Reducer, Stiffness
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueWaves
@@ -31,11 +31,11 @@ _DENSER = 5  # than the grid of the travel, where that is coarse
 
 def under(
     theta: Array, direction: float | Array, torque: float | TorqueWaves | None, time: Array | None = None
-) -> Conditions:
+) -> OperatingConditions:
     """Conditions under a torque, or one over the angle."""
     if isinstance(torque, TorqueWaves):
-        return Conditions(theta, direction, time=time, load=torque(theta))
-    return Conditions(theta, direction, torque, time)
+        return OperatingConditions(theta, direction, time=time, load=torque(theta))
+    return OperatingConditions(theta, direction, torque, time)
 
 
 #: Least and largest of each of `SOFTENING`, in the units of `soft_values`.
@@ -94,7 +94,7 @@ class Waveform:
 
 
 @dataclass(frozen=True, eq=False)
-class Conditioned:
+class LoadCase:
     """One direction and torque, or torque over the angle, in a stretch of travel: what every solution shares.
 
     Attributes
@@ -110,13 +110,13 @@ class Conditioned:
     torque: float | TorqueWaves | None
     turn: AngleGrid
     _kept: dict[tuple[AngleGrid, int], Statics] = field(default_factory=dict, repr=False)
-    _coarser: dict[int, Conditioned] = field(default_factory=dict, repr=False)
+    _coarser: dict[int, LoadCase] = field(default_factory=dict, repr=False)
 
-    def coarser(self, points: int) -> Conditioned:
+    def coarser(self, points: int) -> LoadCase:
         """The same on so many angles a turn, if that is fewer; made once."""
         if points not in self._coarser:
             turn = self.turn.coarser(points)
-            self._coarser[points] = self if turn == self.turn else Conditioned(self.direction, self.torque, turn)
+            self._coarser[points] = self if turn == self.turn else LoadCase(self.direction, self.torque, turn)
         return self._coarser[points]
 
     def repeat(self, unit: Reducer) -> AngleGrid:
@@ -129,7 +129,7 @@ class Conditioned:
         alike = all(source(e.key).repeats_with_crank(unit, e.indices) for e in effects)
         return self.repeat(unit) if alike and isinstance(self.torque, float) else self.turn
 
-    def _statics(self, unit: Reducer, grid: AngleGrid, *, beside: Sequence[Conditioned] = ()) -> Statics:
+    def _statics(self, unit: Reducer, grid: AngleGrid, *, beside: Sequence[LoadCase] = ()) -> Statics:
         """Statics over a grid, once in each direction; geometry is made once, what the stiffness changes only where it
         does."""
         name = grid, len(beside)
@@ -149,7 +149,7 @@ class Conditioned:
 
     def solve_with(
         self,
-        beside: Sequence[Conditioned],
+        beside: Sequence[LoadCase],
         unit: Reducer,
         effects: tuple[Effect, ...],
         near: Sequence[Waveform | None],
@@ -194,7 +194,7 @@ class Conditioned:
 
 
 def solve_all(
-    conditions: Sequence[Conditioned],
+    conditions: Sequence[LoadCase],
     unit: Reducer,
     effects: tuple[Effect, ...],
     near: Sequence[Waveform | None],

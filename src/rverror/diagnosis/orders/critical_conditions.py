@@ -158,15 +158,15 @@ def _at_ends(found: Sequence[Resonance]) -> list[str]:
             speeds = np.unique(strongest.speed)
             steps = np.diff(speeds)
             top = int(np.searchsorted(speeds, strongest.speed[int(np.argmax(np.abs(strongest.waves)))]))
-            told = f"{brief(one.frequency)} Hz: order {order:g} is largest at"
+            peak = f"{brief(one.frequency)} Hz: order {order:g} is largest at"
             if top in (0, speeds.size - 1):
                 notes.append(
-                    f"{told} the end of the speeds, {brief(_rpm(speeds[top]))} rpm: only a flank of its peak is seen"
+                    f"{peak} the end of the speeds, {brief(_rpm(speeds[top]))} rpm: only a flank of its peak is seen"
                 )
             elif max(steps[top - 1], steps[top]) > _GAP * np.median(steps):
                 low, highest, high = (brief(_rpm(speed)) for speed in speeds[top - 1 : top + 2])
                 notes.append(
-                    f"{told} a gap of the speeds, at {highest} rpm: by itself it tells its peak between {low} and "
+                    f"{peak} a gap of the speeds, at {highest} rpm: by itself it tells its peak between {low} and "
                     f"{high} rpm only"
                 )
     return notes

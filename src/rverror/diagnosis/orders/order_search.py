@@ -3,7 +3,7 @@
 A table of a real unit is never explained to its noise, a fraction of an arcsecond.  What is left of an order has few
 independent values, of each direction a constant and a slope over the load, so that some sizes of a cause that is none
 take a good part of it.  A cause is therefore made a claim only where it is significant, takes half of what is left of
-an order or more, and foretells loads that its sizes did not see.
+an order or more, and predicts loads that its sizes did not see.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class Linear:
     @cached_property
     def measured(self) -> Array:
         """Squares of what is measured of each order, shape (n,)."""
-        return self.run_set.by_order(sight.whiten(sight.measured) ** 2 for sight in self.run_set.sights)
+        return self.run_set.by_order(one.whiten(one.measured) ** 2 for one in self.run_set.observations)
 
     @cached_property
     def left_out(self) -> list[Array]:
@@ -137,7 +137,7 @@ class Linear:
         return self._of_cases(rest)
 
     @property
-    def foretold(self) -> float:
+    def left_out_squares(self) -> float:
         """Squares of conditions that are left out."""
         return float(sum(rest @ rest for rest in self.left_out))
 
@@ -279,8 +279,8 @@ def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: b
         beyond = state.squares > state.run_set.most_of_noise
         if claims and beyond.any() and not _takes(state, block, beyond):
             journal.note("fell", block.name, "takes less than half of what is left of any order")
-        elif trial.foretold > state.foretold:
-            journal.note("fell", block.name, "loads that its sizes did not see are foretold worse with it")
+        elif trial.left_out_squares > state.left_out_squares:
+            journal.note("fell", block.name, "loads that its sizes did not see are predicted worse with it")
         else:
             journal.note("added", block.name, f"lowers the objective by {state.objective - trial.objective:.3g}")
             return trial

@@ -16,6 +16,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
+from rverror.base.errors import warn_former
 from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, SAME_TEMPERATURE, level_of, rows_of
 from rverror.diagnosis.policy import Policy
 from rverror.dynamics.at_speed import CRITICAL, NEAR
@@ -29,7 +30,7 @@ _DAMPINGS = np.geomspace(0.005, 0.15, 10)  # there
 _REACH = 1.3  # times the frequency, up and down, over which its profile goes
 _LIGHTEST, _HEAVIEST = 0.002, 0.3  # dampings over which it goes
 _FINE, _ZOOMS = 71, 4  # values of a minimum, and how often they close in
-_OFF = 0.05  # share of an order's size by which it may depart from one mode
+_MISFIT = 0.05  # share of an order's size by which it may depart from one mode
 _TRIES = 6  # peaks that are looked at in a round
 
 
@@ -90,7 +91,7 @@ class Resonance:
     damping_ratio, damping_low, damping_high : float
     confidence : float
         Of the intervals.
-    off : float
+    misfit : float
         Share of an order's size by which it departs from one mode.
     series : tuple of ResonantSeries
         Of the orders that show it.
@@ -105,7 +106,7 @@ class Resonance:
     damping_low: float
     damping_high: float
     confidence: float
-    off: float
+    misfit: float
     series: tuple[ResonantSeries, ...]
     alone: dict[float, float]
 
@@ -113,6 +114,12 @@ class Resonance:
     def orders(self) -> tuple[float, ...]:
         """Orders that show it, growing."""
         return tuple(self.alone)
+
+    @property
+    def off(self) -> float:
+        """Former name of `misfit`."""
+        warn_former("Resonance.off", "Resonance.misfit")
+        return self.misfit
 
     def part(self, series: ResonantSeries, at: Array, *, shifted: float = 1.0) -> Waves:
         """What it adds to a series at frequencies of the order, rad, as time goes on; its own one times `shifted`."""
@@ -293,8 +300,8 @@ def _follows(series: ResonantSeries, natural: float, damping: float, policy: Pol
     with_it = _left(series.beside, series.waves, rows)[0] + _floor(series, policy)
     plain, smooth = (_left(series.smooth(degree), series.waves)[0] + _floor(series, policy) for degree in (0, 2))
     spare = series.speed.size - series.beside.shape[1] - 1
-    told = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
-    return bool(told and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
+    significant = spare * math.log(plain / with_it) > -math.log(policy.false_alarm)
+    return bool(significant and with_it < smooth and magnified(series.frequency, natural, damping).max() >= CRITICAL)
 
 
 def _likelier(
@@ -348,7 +355,7 @@ def _squares(chosen: Sequence[ResonantSeries], natural: Array | float, damping: 
 
 
 def _weight(series: ResonantSeries) -> Array:
-    return np.asarray(1 / np.hypot(series.sigma, _OFF * np.abs(series.waves)))
+    return np.asarray(1 / np.hypot(series.sigma, _MISFIT * np.abs(series.waves)))
 
 
 def _minimum(left: Callable[..., Array], *ranges: tuple[float, float]) -> tuple[tuple[float, ...], float]:
@@ -411,7 +418,7 @@ def one_mode(chosen: Sequence[ResonantSeries], near: float, policy: Policy) -> R
         damping_low=lighter,
         damping_high=heavier,
         confidence=policy.confidence,
-        off=_OFF * math.sqrt(scale),
+        misfit=_MISFIT * math.sqrt(scale),
         series=tuple(_sized(own, frequency, ratio) for own in chosen),
         alone={
             order: _minimum(partial(_squares, own, damping=ratio), frequencies)[0][0] for order, own in of_order.items()
@@ -451,11 +458,11 @@ def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tu
         for series in one.series:
             here = one.part(series, series.frequency)
             span = np.abs(np.subtract(*(one.part(series, series.frequency, shifted=end) for end in ends))) / 4
-            deviation = np.hypot(one.off * np.abs(here), span)
+            deviation = np.hypot(one.misfit * np.abs(here), span)
             waves = here if series.direction > 0 else np.conj(here)
-            for (at, place), wave, off in zip(series.places, waves, deviation, strict=True):
+            for (at, place), wave, sigma in zip(series.places, waves, deviation, strict=True):
                 parts[at][place] += wave
-                variances[at][place] += off**2
+                variances[at][place] += sigma**2
     return (
         [np.concatenate([part.real, part.imag]) for part in parts],
         [np.tile(np.sqrt(variance), 2) for variance in variances],

@@ -54,12 +54,12 @@ def _table(unit: Mechanism, runs: Sequence[Run], harmonics: Sequence[int]) -> Or
     samples = 2 * np.pi / max(steps)  # a turn
     travel, orders = min(turns), {h * order for order in _orders(unit) for h in harmonics}
     least = 1 if travel > 1 - 1e-9 else _WAVES
-    told = [
+    distinct = [
         order for order in sorted(orders)
         if order * travel >= least - 1e-9 and order * _SAMPLES_A_WAVE < samples
         if all(abs(order - other) * travel >= 1 - 1e-9 for other in orders - {order})
     ]  # fmt: skip
-    return order_table_from_runs(runs, unit, told)
+    return order_table_from_runs(runs, unit, distinct)
 
 
 def _orders(unit: Mechanism) -> set[float]:

@@ -20,14 +20,14 @@ from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.sight import Sight
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Conditions, Pose
+from rverror.geartrain.kinematics import OperatingConditions, Pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -67,7 +67,7 @@ class TableRow:
 
 
 @dataclass(frozen=True, eq=False)
-class TableSight(Sight):
+class TableObservation(Observation):
     """The waves of one condition: real parts, then imaginary ones.
 
     Attributes
@@ -139,7 +139,7 @@ class TableSight(Sight):
     @cached_property
     def _motion(self) -> Pose:
         """Over the turn; stiffness plays no part in it."""
-        return motion(self.gears, Conditions(self.turn.theta, self.case.condition.direction, self.torque))
+        return motion(self.gears, OperatingConditions(self.turn.theta, self.case.condition.direction, self.torque))
 
     def whiten(self, rows: Array) -> Array:
         """Rows in units of the noise."""
@@ -218,10 +218,10 @@ class TableSet(RunSet):
         return False
 
     @cached_property
-    def sights(self) -> tuple[Sight, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""
         return tuple(
-            TableSight(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
+            TableObservation(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
             for case, sigma, under in zip(
                 self.cases, self.sigmas, (self.conditions[which] for which in self.which), strict=True
             )
@@ -255,12 +255,12 @@ def table_set(
     turn = whole(0.0, 2 * math.pi, points)
     torques = [case.condition.torque for case in cases]
     least = _DRAG * max((t for t in torques if t), default=0.0)
-    conditions: dict[tuple[float, float | None], Conditioned] = {}
+    conditions: dict[tuple[float, float | None], LoadCase] = {}
     which, rows = [], []
     for case, torque in zip(cases, torques, strict=True):
         load = None if torque is None or not least else max(torque, least)
         key = (case.condition.direction, load)
-        conditions.setdefault(key, Conditioned(*key, turn))
+        conditions.setdefault(key, LoadCase(*key, turn))
         which.append(list(conditions).index(key))
         rows.append(TableRow(load))
     loaded = bool(least)
@@ -319,15 +319,15 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
                 rms = float(np.sqrt(np.mean(np.abs(np.concatenate([waves for _, waves in series])) ** 2)))
                 guessed[order] = max(_GUESSED * rms, _LEAST_GUESS)
     notes = []
-    for told, how in (
+    for sigmas, how in (
         (found, "taken from how smoothly each order changes over the load"),
         (guessed, f"too few loads to tell it from: guessed as {100 * _GUESSED:g} % of each order"),
     ):
-        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in told.items())
-        notes += [f"the table states no sigma; {how}, {listed} arcsec"] if told else []
-    told = found | guessed
+        listed = ", ".join(f"{order:g}: {value / ARCSEC:.2g}" for order, value in sigmas.items())
+        notes += [f"the table states no sigma; {how}, {listed} arcsec"] if sigmas else []
+    sigmas = found | guessed
     own = [
-        np.array([told[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
+        np.array([sigmas[round(o, 6)] for o in case.orders.tolist()]) if case.sigma is None else case.sigma
         for case in cases
     ]
     return [np.tile(np.hypot(sigma, floor), 2) for sigma in own], notes

@@ -12,6 +12,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
+from rverror.base.progress import Progress
 from rverror.diagnosis.gears.account import elastic_within, estimated, printed
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
@@ -32,7 +33,6 @@ from rverror.diagnosis.result import (
     ElasticEstimate,
     Line,
     OrderShare,
-    Progress,
     Residual,
 )
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
@@ -124,8 +124,8 @@ def diagnose_tables(
     notes += _strained_stiffness(causes, elastic)
     if lines and named:
         notes.append(
-            "a cause that is named here is a claim: what is left is more than noise, and each claim says with what "
-            "chance as many sizes that mean nothing do as much"
+            "a cause that is named here is a claim, since more than noise is left: each claim states the probability "
+            "that as many meaningless parameters remove as much"
         )
     result = replace(result, effects=(*result.effects[: len(model.effects)], *(one.effect for one in added)))
     return Diagnosis(
@@ -298,7 +298,7 @@ def left_out(state: Linear) -> list[Array]:
 def _left_by_laws(causes: Fit, laws: Linear) -> list[Array]:
     """Residual of each condition with the sizes of causes and laws from the others.
 
-    What a cause without some loads foretells otherwise moves the laws of these loads no less: both are added up.
+    What a cause without some loads predicts otherwise moves the laws of these loads no less: both are added up.
     """
     own = zip(left_out(laws), left_out(Linear(causes)), causes.residual, strict=True)
     return [left + (cause - rest) for left, cause, rest in own]
@@ -321,8 +321,8 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
     estimates, notes = estimated(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
     order, share, odds = chance(few, number)
     notes.append(
-        f"takes {100 * share:.0f} % of what is left of order {order:g} without it; as many sizes that mean nothing do "
-        f"so with a chance of {100 * odds:.2g} %"
+        f"removes {100 * share:.0f} % of what is left of order {order:g} without it; the probability that as many "
+        f"meaningless parameters remove as much is {100 * odds:.2g} %"
     )
     orders = _orders(fit, number)
     return Addition(replace(effect, origin=origin), estimates, tuple(alike), orders, after.heldout_rms, tuple(notes))
@@ -392,7 +392,7 @@ def _kind(entry: Source) -> str:
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
     run_set = conditions_of(fit)
-    measured = [sight.measured for sight in run_set.sights]
+    measured = [observation.measured for observation in run_set.observations]
 
     def along(parts: Sequence[Array]) -> Array:
         return run_set.by_order(one * part for one, part in zip(measured, parts, strict=True))

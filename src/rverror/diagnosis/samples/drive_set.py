@@ -14,10 +14,10 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.observation import EverySample, Observation
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import identity
-from rverror.diagnosis.gears.sight import EverySample, Sight
-from rverror.diagnosis.gears.waveform import Conditioned, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.records import DriveRecord
 from rverror.geartrain.action_line import ContactForces
@@ -33,7 +33,7 @@ _APART = 1e-5  # of a row beside others: what keeps less is one of them, so that
 
 
 @dataclass(frozen=True, eq=False)
-class DriveSight(EverySample):
+class DriveObservation(EverySample):
     """A run of a drive, sample by sample: no gear train moves its output."""
 
     def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
@@ -96,9 +96,9 @@ class DriveSet(RunSet):
         """Influences of sources at the samples of each record."""
 
         def seen(number: int) -> Array:
-            sight = self.sights[number]
-            rows = [sight.beyond(self, model, name, None, 0.0) for name in named]
-            return np.concatenate([np.zeros((0, sight.width)), *rows])
+            observation = self.observations[number]
+            rows = [observation.beyond(self, model, name, None, 0.0) for name in named]
+            return np.concatenate([np.zeros((0, observation.width)), *rows])
 
         return self.of_each(seen)
 
@@ -139,9 +139,9 @@ class DriveSet(RunSet):
         return notes
 
     @cached_property
-    def sights(self) -> tuple[Sight, ...]:
+    def observations(self) -> tuple[Observation, ...]:
         """How each record is looked at."""
-        return tuple(DriveSight(record) for record in self.records)
+        return tuple(DriveObservation(record) for record in self.records)
 
 
 def _beside(record: Record, *, swings: bool) -> Array:
@@ -175,7 +175,7 @@ def drive_set(model: Model, records: Sequence[DriveRecord], policy: Policy, cand
     return DriveSet(
         unit=model.mechanism,
         records=tuple(records),
-        conditions=(Conditioned(1.0, None, turn),),
+        conditions=(LoadCase(1.0, None, turn),),
         which=(0,) * len(records),
         policy=policy,
         soft=np.zeros(len(SOFTENING), dtype=np.bool_),
@@ -205,7 +205,7 @@ def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Po
     return sorted(found, key=lambda name: source(name[0]).acts == "reading")
 
 
-def told_apart(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
+def distinguishable(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
     """Candidates without those that make the waves of one before them, or no more than a slope.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from rverror.base.progress import Progress
 from rverror.base.threads import each
 from rverror.diagnosis.gears.account import account
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, lifted, renoised, under
@@ -23,8 +24,8 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Addition, Diagnosis, Progress, Trace
-from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, drive_set, less, told_apart
+from rverror.diagnosis.result import Addition, Diagnosis, Trace
+from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, distinguishable, drive_set, less
 from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
@@ -82,7 +83,7 @@ def diagnose_drive(
     run_set = drive_set(declared, records, policy, candidates)
     root = fitted(evaluated(calm(run_set), declared, declared))
     turns = max(record.turns for record in records)
-    search = DriveSearch(root, told_apart(model.mechanism, candidates, turns, policy), policy, journal)
+    search = DriveSearch(root, distinguishable(model.mechanism, candidates, turns, policy), policy, journal)
     last, best, _ = renewed(search, stilled)
     for name in candidates:
         if identity(name) not in {named(e) for e in best.fit.added}:

@@ -68,8 +68,8 @@ class Guess:
         names = " and ".join(shown(entry.name, 60) for entry in self.fitting[:4])
         if len(self.fitting) > 1:
             return f"not guessed, for {names} fit alike"
-        told = f"unit {self.unit}" if self.unit else "its unit is not told"
-        return f"guessed from the name {names}, {told}"
+        unit_text = f"unit {self.unit}" if self.unit else "it states no unit"
+        return f"guessed from the name {names}, {unit_text}"
 
 
 def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:

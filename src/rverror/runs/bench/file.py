@@ -267,8 +267,8 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         hint = did_you_mean(full, [entry.name for entry in file.entries])
         place = f"{file.place}: " if file.place else ""
         names = some_names(entry.name for entry in file.entries)
-        told = where.column or shown(full, 60)
-        file.refuse(f"{place}there is no column {told}{at};{hint} the file has {names}")
+        wanted = where.column or shown(full, 60)
+        file.refuse(f"{place}there is no column {wanted}{at};{hint} the file has {names}")
     if len(fitting) > 1:
         file.refuse(
             f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "

@@ -446,9 +446,9 @@ def column_facts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[En
     >>> column_facts(["Name", "phi"], [["Unit", "deg (Angle)"], ["SampleTime[ms]", "0,5"]])[1]
     Entry(name='phi', unit='deg', size=-1, problem='', increment=0.0005)
     """
-    told = {row[0].lower(): row for row in rows}
-    units = [_FAMILY.sub("", cell).strip("[]() ") for cell in told.get("unit", ())]
-    intervals = [number_in(cell.replace(",", ".")) for cell in told.get("sampletime[ms]", ())]
+    header = {row[0].lower(): row for row in rows}
+    units = [_FAMILY.sub("", cell).strip("[]() ") for cell in header.get("unit", ())]
+    intervals = [number_in(cell.replace(",", ".")) for cell in header.get("sampletime[ms]", ())]
     return [
         Entry(
             name=name,

@@ -36,6 +36,7 @@ _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell ar
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
 _HATCHED: Mapping[str, Any] = {"height": 0.38, "color": _LIGHT, "ec": _LIMIT, "linewidth": 0.4, "hatch": "///"}
 _COST = "cost, unit of the cost curves"
+_TICKS = 16  # of an axis of powers of 2
 _SHOWN = 15  # bars for which there is room
 
 
@@ -141,18 +142,18 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
         known = one.values[np.isfinite(one.values)]
         used = 100 * np.sort(one.limit.turned(known) / one.limit.turned(reference))
         share = 100 * np.arange(1, used.size + 1) / used.size
-        told_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
+        known_from = 100 * one.known_from / reference  # of those below only the side of the limit is known
         ends = " to ".join(f"{100 * end:.4g}" for end in one.interval)
-        told = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {ends}"
-        label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{told}"
-        ax.plot(used[used >= told_from], share[used >= told_from], label=label, **style.line_style(number))
+        passing = "" if one.limit.value is None else f": {100 * one.share:.4g} % pass, {ends}"
+        label = f"{one.limit.label}, {one.limit.shown(reference):.4g} {one.limit.unit}{passing}"
+        ax.plot(used[used >= known_from], share[used >= known_from], label=label, **style.line_style(number))
     ax.axvline(100, color=_LIMIT, lw=0.8)
     return labelled(
         ax,
         f"{loaded.limits[0].units} units at the load, contacts that open included",
         *_unit(found),
-        x="used of the limit (without one: of the P99), %",
-        y="units that use no more, %",
+        x="share of the limit (of the P99 where there is no limit), %",
+        y="units at or below, %",
     )
 
 
@@ -168,12 +169,15 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
         if mask.any():
             ax.plot(ratio[mask], at[mask], mark, color=_DARK, mfc=face, ms=6, label=label)
     ax.axvline(1.0, color=_LIMIT, lw=0.8)
+    from matplotlib.ticker import LogLocator
+
     ax.set_xscale("log", base=2)
+    ax.xaxis.set_major_locator(LogLocator(2, numticks=_TICKS))  # else it skips powers of 2 as it would of 10
     ax.xaxis.set_major_formatter("{x:g}")
     reach = 1.15 * max(float(np.max(np.abs(np.log(ratio)), initial=0.0)), np.log(2.0))
     what = f"Widths of least cost {within(found)}"
     cost = f"cost {found.cost:.4g}, as given {found.cost_before:.4g}"
-    x = "tolerance found over tolerance as given (a number)"
+    x = "width found over width as given (a number)"
     limits = (np.exp(-reach), np.exp(reach))
     return labelled(ax, what, cost, x=x, xlim=limits, legend="below" if held.any() else "")
 

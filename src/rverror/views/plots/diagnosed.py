@@ -63,12 +63,18 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: Model | None = None
     rows = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
     angle, measured, before, after = for_drawing(np.degrees(trace.theta), *rows)
     over: dict[str, Any] = {"color": style.BLACK, "lw": 0.7, "zorder": 2.5}
-    ax.plot(angle, measured, label="measured, mean of revolutions", **over)
+    ax.plot(angle, measured, label=", ".join(["measured", *_averaged(trace)]), **over)
     ax.plot(angle, before, color=_BEFORE, lw=1.2, ls=style.DASHED, label="declared model")
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=2.4, alpha=_BAND, label="with what was added")
     _mark(ax, trace)
     return over_angle(ax, *stated(unit), *_trace_title(trace), y=signal_label(quantity))
+
+
+def _averaged(trace: Trace) -> list[str]:
+    """That a waveform over a whole turn is the mean of the revolutions; one over less is as measured."""
+    turns = turns_of(np.sort(trace.theta))
+    return ["mean of revolutions"] if turns == round(turns) else []
 
 
 def _mark(ax: Axes, trace: Trace) -> None:
@@ -110,8 +116,8 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     _before_and_after(ax, trace.theta, rows, diagnosis.quantity)
     ax.axhline(0, color=style.BLACK, lw=0.4)
     _mark(ax, trace)
-    what = "residual, left-out stretches" if trace.left_out else "residual"
-    title = [what, *stated(diagnosis.declared), *_trace_title(trace)]
+    what = ["residual", *(["left-out stretches"] if trace.left_out else []), *_averaged(trace)]
+    title = [*what, *stated(diagnosis.declared), *_trace_title(trace)]
     return over_angle(ax, *title, y=f"measured less model, {shown_unit(diagnosis.quantity)}")
 
 

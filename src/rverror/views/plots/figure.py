@@ -9,7 +9,7 @@ import io
 import textwrap
 import warnings
 from collections.abc import Iterable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -37,6 +37,7 @@ ORDER = "order, per output turn"
 COLUMNS = 1200
 _PASSES = 8  # over the whole width, that are told apart
 _KEPT_WHOLE = 4 * COLUMNS  # samples that are drawn as they are: no file grows large with them
+_POWERS = "LogFormatterSciNotation"  # matplotlib's own along a logarithmic axis
 _DECADES = 3.0  # of the colours of a map, down from the largest
 _LETTER = 0.55  # of the size of a font, the width of its letters in the mean
 _MARGIN = 1.2  # inches of the width of a cell that labels and ticks take
@@ -176,12 +177,12 @@ def stated(unit: Any = None, *, torque: Any = None, direction: Any = None) -> li
     """
     name = getattr(unit, "name", "") or getattr(getattr(unit, "mechanism", None), "name", "")
     if np.ndim(torque):
-        told = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
+        words = [" to ".join(with_unit(float(end), "torque") for end in (np.min(torque), np.max(torque)))]
     else:
-        told = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
+        words = [] if torque is None else [with_unit(units.to_core(torque, "torque"), "torque")]
     if direction is not None:
-        told.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
-    return [plain(name), *told] if name else told
+        words.append(" and ".join(way(sense) for sense in (1.0, -1.0) if (direction_signs(direction) == sense).any()))
+    return [plain(name), *words] if name else words
 
 
 def letters(ax: Axes, size: float | str) -> int:
@@ -218,12 +219,28 @@ def labelled(
 ) -> Axes:
     """Axes with their labels, limits, title and legend."""
     ax.set(xlabel=x, ylabel=y, **limits)
+    for axis in (ax.xaxis, ax.yaxis):
+        if type(axis.get_major_formatter()).__name__ == _POWERS:
+            axis.set_major_formatter(_log_numbers()())
+            axis.set_minor_formatter(_log_numbers()(labelOnlyBase=False))
     titled(ax, *title)
     if legend == "beside":
         legend_beside(ax, title=legend_title)
     elif legend:
         legend_below(ax, title=legend_title)
     return ax
+
+
+@cache
+def _log_numbers() -> type[Any]:
+    """Formatter of a logarithmic axis: plain numbers such as 0.5, where matplotlib puts powers of ten."""
+    from matplotlib.ticker import LogFormatter
+
+    class LogNumbers(LogFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return f"{x:g}" if super().__call__(x, pos) else ""
+
+    return LogNumbers
 
 
 def thinned(x: Array, rows: Sequence[Array], columns: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -313,8 +330,8 @@ def legend_beside(ax: Axes, *, title: str | None = None) -> None:
 def _legend(ax: Axes, room: int, **options: Any) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if handles:
-        told = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
-        ax.legend(handles, told, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
+        wrapped = [textwrap.fill(label, max(room - _KEY, 1)) for label in labels]
+        ax.legend(handles, wrapped, loc="upper left", frameon=False, handlelength=3.5, alignment="left", **options)
 
 
 def heat_map(ax: Axes, meshes: Sequence[tuple[Array, Array, Array]], *, label: str) -> None:

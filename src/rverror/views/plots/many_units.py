@@ -36,8 +36,8 @@ def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
     rows = _shown(found)
     # lengths and angles share an axis: in um and arcsec they are of one size
     units = list(dict.fromkeys(DISPLAY_UNITS[one.dimension] for one in rows))
-    told = [f", {DISPLAY_UNITS[one.dimension]}" if len(units) > 1 else "" for one in rows]
-    ax, at = axes_of_rows(ax, [plain(process_name(one)) + unit for one, unit in zip(rows, told, strict=True)])
+    suffixes = [f", {DISPLAY_UNITS[one.dimension]}" if len(units) > 1 else "" for one in rows]
+    ax, at = axes_of_rows(ax, [plain(process_name(one)) + unit for one, unit in zip(rows, suffixes, strict=True)])
     value, low, high = np.array([_sizes(one) for one in rows]).T
     allowed = np.array([np.nan if one.capability is None else one.capability for one in rows]) * value
     ax.hlines(at, low, high, color=style.BLUE, lw=1.3, zorder=1)
@@ -68,8 +68,11 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
 
 def _by_evidence(rows: Sequence[MadeBy]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
     """Processes whose scatter is significant, and those of which it is not, with their face and name."""
-    told = np.array([one.above_zero for one in rows])
-    for some, face, label in ((told, style.BLUE, "significantly above zero"), (~told, "white", "not significant")):
+    significant = np.array([one.above_zero for one in rows])
+    for some, face, label in (
+        (significant, style.BLUE, "significantly above zero"),
+        (~significant, "white", "not significant"),
+    ):
         if some.any():
             yield some, face, label
 
@@ -134,7 +137,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax.plot(place[0] + 0.2, mean, "_", color=style.BLUE, ms=9, label="mean wave, 95 % interval")
     for some, mark, colour, label in (
         (~odd, "o", style.GREY, "a unit"),
-        (odd, "D", style.ORANGE, "a unit that is off the others"),
+        (odd, "D", style.ORANGE, "a unit that differs from the others"),
     ):
         ax.plot(place[some], sizes[some], mark, color=colour, ms=3.5, label=label)
     ax.set_xticks(place[0], [str(one.order) for one in found.orders], fontsize=8)
@@ -159,7 +162,7 @@ def lot_predicted(found: Lot, *, ax: Axes | None = None) -> Axes:
     found : Lot
     """
     if not found.predicted:
-        raise InputError("the lot foretells nothing, so there is nothing to draw")
+        raise InputError("the lot predicts nothing, so there is nothing to draw")
     rows = found.predicted[::-1]
     ax, at = axes_of_rows(ax, [plain(one.condition) for one in rows])
     ends = [(one.quantile.value, one.quantile.low, one.quantile.high) for one in rows]

@@ -37,7 +37,7 @@ _HOLLOW = {"width": 0.032, "headwidth": 3.0, "headlength": 4.0, "headaxislength"
 
 
 @dataclass(frozen=True)
-class Places:
+class PartPositions:
     """Where the parts of a reducer stand at one angle, nominal, in the housing frame, mm and rad.
 
     Attributes
@@ -63,7 +63,7 @@ class Places:
     contact: Mapping[str, Array]
 
 
-def places(motion: Contacts) -> Places:
+def part_positions(motion: Contacts) -> PartPositions:
     """Where the parts stand in the first sample of a nominal motion, as `pose` has it.
 
     A pin at the angle g lies (E - g) / z_c from a root on a disc whose eccentric points along E; with g = 2 pi i / z_p
@@ -79,7 +79,7 @@ def places(motion: Contacts) -> Places:
     pins = unit.pin_circle_radius * _along(pin_positions(unit))
     position = _along(motion.crank_position[:, 0])
     cranks = unit.crank_radius * position
-    return Places(
+    return PartPositions(
         outline=turned + centre[..., None],
         disc=centre,
         pins=pins,
@@ -196,22 +196,22 @@ def mechanism(
     motion = _posed(whole, angle, direction)
     forces, load = forces_at(whole, motion, theta=angle, torque=torque)
     errors, unseen = error_vectors(whole, motion, forces)
-    where = places(motion)
+    where = part_positions(motion)
 
     ax = axes_for(ax, width=9.0, height=6.0)
     draw_parts(ax, unit, where)
-    told = [f"{_KEY:g} mm of an arrow are"]
+    key = [f"{_KEY:g} mm of an arrow are"]
     for name, contacts in (("pins and sun", ("pin", "mesh")), ("the bearings of the cranks", ("cam", "carrier"))):
         size = _contact_arrows(ax, unit, where, {key: forces[key] for key in contacts})
-        told.append(f"at {name}: {brief(_KEY * size, 3)} N")
+        key.append(f"at {name}: {brief(_KEY * size, 3)} N")
     if size := _contact_arrows(ax, unit, where, errors, error=True):
-        told.append(f"of errors, driving less driven surface: {1e3 * _KEY * size:.3g} um")
+        key.append(f"of errors, driving less driven surface: {1e3 * _KEY * size:.3g} um")
     if unseen:
-        told.append("not drawn, angles: " + plain(", ".join(unseen)))
+        key.append("not drawn, angles: " + plain(", ".join(unseen)))
     how = "closed form" if torque is None else "equilibrium"
     name = plain(whole.name or unit.name)
     title = [f"{name} at {math.degrees(angle):.4g} deg", way(direction), with_unit(load, "torque"), how]
-    return _finish(ax, title, told)
+    return _finish(ax, title, key)
 
 
 def _posed(model: Model, theta: float, direction: float) -> Contacts:
@@ -222,7 +222,7 @@ def _posed(model: Model, theta: float, direction: float) -> Contacts:
 
 
 def _contact_arrows(
-    ax: Axes, unit: Reducer, where: Places, vectors: Mapping[str, Array], *, error: bool = False
+    ax: Axes, unit: Reducer, where: PartPositions, vectors: Mapping[str, Array], *, error: bool = False
 ) -> float:
     """Draw arrows of contacts to one scale, those of a disc in its colour; what a mm of them is, 0 without any."""
     longest = max(float(np.linalg.norm(of, axis=-1).max(initial=0.0)) for of in vectors.values())
@@ -277,12 +277,11 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     """
     ax = axes_for(ax, width=9.0, height=6.0)
     count = modes.frequency.size
-    own = np.flatnonzero((modes.frequency > 0) & ~modes.of_sun_support)
-    chosen = 1 + int(own[0] if own.size else 0) if mode is None else mode
+    chosen = 1 + (modes.lowest or 0) if mode is None else mode
     if not 1 <= chosen <= count:
         raise InputError(f"mode = {mode}: this reducer has modes 1 to {count}, from the lowest frequency up")
     motion = _posed(modes.model, modes.theta, modes.direction)
-    unit, where = motion.reducer, places(motion)
+    unit, where = motion.reducer, part_positions(motion)
     draw_parts(ax, unit, where)
     moved = _moved(unit, where, {part: rows[:, chosen - 1] for part, rows in modes.shape.items()})
     # a motion of input or load alone has nothing that could be drawn
@@ -290,18 +289,18 @@ def mode_shape(modes: Modes, *, mode: int | None = None, ax: Axes | None = None)
     for part, (at, steps) in moved.items():
         colour = _colour(int(part.removeprefix("disc ")) if part.startswith("disc") else None)
         _arrows(ax, at, _LONGEST * unit.pin_circle_radius / longest * steps, colour=colour, gid=part)
-    told = []
+    key = []
     for what, shares in (("held by", modes.strain_energy), ("moving", modes.kinetic_energy)):
         share, name = max((float(row[chosen - 1]), name) for name, row in shares.items())
-        told.append(f"{what}: {name.replace('_', ' ')} {100 * share:.0f} %")
+        key.append(f"{what}: {name.replace('_', ' ')} {100 * share:.0f} %")
     frequency = f"{float(modes.frequency[chosen - 1]):.4g} Hz"
     of_sun = ", of the sun's support" if modes.of_sun_support[chosen - 1] else ""
     title = [plain(modes.model.name or unit.name), f"mode {chosen} of {count}", f"{frequency}{of_sun}"]
     state = [with_unit(modes.torque, "torque"), way(modes.direction), f"at {math.degrees(modes.theta):.4g} deg"]
-    return _finish(ax, title + state, told)
+    return _finish(ax, title + state, key)
 
 
-def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
+def _moved(unit: Reducer, where: PartPositions, shape: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
     """Points (n, 2) of each part and how far they move, with x, y and angle of the parts in the mode."""
     middle = np.zeros(2)
     on_sun = unit.sun_pitch_radius * _along(np.array([where.sun_angle]))
@@ -317,7 +316,7 @@ def _moved(unit: Reducer, where: Places, shape: Mapping[str, Array]) -> dict[str
     return moved
 
 
-def draw_parts(ax: Axes, unit: Reducer, where: Places) -> None:
+def draw_parts(ax: Axes, unit: Reducer, where: PartPositions) -> None:
     """Draw pins, discs with their cams, gears and carrier."""
     from matplotlib.patches import Circle
 
@@ -356,7 +355,7 @@ def _arrows(ax: Axes, at: Array, vectors: Array, *, colour: str, hollow: bool = 
     ax.quiver(x[seen], y[seen], u[seen], v[seen], edgecolor=colour, gid=gid, **to_scale, **look)
 
 
-def _finish(ax: Axes, title: Sequence[str], told: Sequence[str]) -> Axes:
+def _finish(ax: Axes, title: Sequence[str], key: Sequence[str]) -> Axes:
     """Equal aspect, units, title, and a legend with what is told."""
     ax.margins(0.04)
-    return labelled(ax, *title, x="x, mm", y="y, mm", aspect="equal", legend="beside", legend_title="\n".join(told))
+    return labelled(ax, *title, x="x, mm", y="y, mm", aspect="equal", legend="beside", legend_title="\n".join(key))

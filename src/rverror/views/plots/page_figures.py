@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -12,9 +12,12 @@ from rverror.diagnosis.result import Diagnosis
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
+from rverror.statics.duty import DutyEfficiency
+from rverror.statics.friction import Efficiency
 from rverror.views.plots.drawing import draw, pictures_of
 from rverror.views.plots.figure import Figure, bare_figure
 from rverror.views.plots.mechanism_view import mechanism
+from rverror.views.plots.under_load import losses
 from rverror.views.plots.zoomable import figure_element
 
 #: Plots that show a kind of result; of any other the usual one.
@@ -73,6 +76,9 @@ def figure_of(result: Any, **options: Any) -> Figure:
 def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
     if isinstance(result, Diagnosis):
         yield from _causes(result)
+    loads = result.phases if isinstance(result, DutyEfficiency) else result
+    if isinstance(loads, Sequence) and loads and all(isinstance(one, Efficiency) for one in loads):
+        yield losses(loads[0], beside=loads[1:]).figure  # type: ignore[misc]
     for kind, given in _plots(result, options):
         try:
             yield draw(result, kind=kind, **given).figure  # type: ignore[misc]

@@ -357,16 +357,16 @@ def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> st
     >>> frame_name(reducer("RV-40E"), 79.2, within=1.5)
     'about 79.2'
     """
-    told, exact = f"{order:g}", order
+    shown, exact = f"{order:g}", order
     if within:
-        told = f"about {order:.3g}" if order < 1e3 else f"about {order:.0f}"
+        shown = f"about {order:.3g}" if order < 1e3 else f"about {order:.0f}"
         multiples = {base * (round(order / base) + k) for base in _bases(mechanism) for k in (-1, 0, 1)}
         near = {round(one, 6) for one in multiples if one > 0 and abs(one - order) <= _ALONE * within}
         exact = min(near, key=lambda one: abs(one - order), default=order)
         if len(near) > 1 or abs(exact - order) > within:
-            return told
+            return shown
     frames = frames_of_order(mechanism, exact)
-    return f"{told}: {short_frame(frames[0]) if frames else 'no frame'}"
+    return f"{shown}: {short_frame(frames[0]) if frames else 'no frame'}"
 
 
 def _bases(mechanism: Mechanism) -> set[float]:
@@ -421,5 +421,5 @@ def name_peaks(
         return
     ax.vlines(order[chosen], size[chosen], 1e3 * size.max(), colors="0.6", lw=0.4, zorder=0)
     above = ax.secondary_xaxis("top")
-    told = [plain(name(place)) for place in order[chosen]]
-    above.set_xticks(order[chosen], told, rotation=_SLOPE, ha="left", rotation_mode="anchor", fontsize=_FONT)
+    labels = [plain(name(place)) for place in order[chosen]]
+    above.set_xticks(order[chosen], labels, rotation=_SLOPE, ha="left", rotation_mode="anchor", fontsize=_FONT)

@@ -117,10 +117,10 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         ]
         above = (-7, 3 + _LINE * len(near))  # neighbours stand above one another
         ax.annotate(str(number), (speed, frequency), xytext=above, textcoords="offset points", fontsize="x-small")
-    told = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in np.flatnonzero(low)]
-    told += ["crossings: mode, order, rpm"] if found else []
+    lines = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in np.flatnonzero(low)]
+    lines += ["crossings: mode, order, rpm"] if found else []
     for number, (speed, _, mode, order) in enumerate(found, start=1):
-        told.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
+        lines.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
     return labelled(
         ax,
         *_title("Campbell diagram", response, leading),
@@ -129,7 +129,7 @@ def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) 
         xlim=(0, max(last, 1e-9)),
         ylim=(0, max(top, 1e-9)),
         legend="beside",
-        legend_title="\n".join(told),
+        legend_title="\n".join(lines),
     )
 
 

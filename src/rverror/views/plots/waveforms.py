@@ -173,8 +173,8 @@ def about_constants(parts: Parts) -> Parts:
     if largest <= NOTHING or float(np.ptp(drawn)) <= _FLATTENED * largest:
         return parts
     constants = parts.rows.mean(axis=1)
-    told = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
-    names = tuple(name + about for name, about in zip(parts.names, told, strict=True))
+    offsets = [f", about {at:+.4g}" if abs(at) > NOTHING else "" for at in constants]
+    names = tuple(name + about for name, about in zip(parts.names, offsets, strict=True))
     return Parts(parts.theta, parts.rows - constants[:, None], names)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from rverror.views.html import shipped
 from rverror.views.plots.figure import Figure, svg_element
 
+_LINE = 1.2  # of the size of a font, from one line of a title to the next
 _DIGITS = 6  # of what is drawn, as of the still picture: a screen shows four
 _TICKS = {"format_string": f".{_DIGITS - 1}~g", "prefix": "", "suffix": ""}  # numbers that leave the label its room
 
@@ -83,7 +84,9 @@ def _data(figure: Figure, number: int) -> str:
         for label in (ax.xaxis.label, ax.yaxis.label, ax.title):  # as plain texts: mpld3 warns of labels
             x, y = (label.get_transform() - ax.transAxes).transform(label.get_position())
             style = {name: getattr(label, f"get_{name}")() for name in ("ha", "va", "rotation", "size")}
-            ax.text(x, y, label.get_text(), transform=ax.transAxes, **style)
+            above = _LINE * float(label.get_fontsize()) / ax.bbox.height
+            for above_it, text in enumerate(reversed(label.get_text().split("\n"))):  # it knows texts of one line
+                ax.text(x, y + above_it * above, text, transform=ax.transAxes, **style)
             label.set_text("")
     mpld3.plugins.connect(figure, mpld3.plugins.MousePosition(fontsize=10, fmt=f".{_DIGITS}~g"))
     renderer = mpld3.mpld3renderer.MPLD3Renderer()
@@ -91,10 +94,10 @@ def _data(figure: Figure, number: int) -> str:
     made = renderer.finished_figures[0][1]
     for axis in (axis for axes in made["axes"] for axis in axes["axes"]):
         axis |= {"tickformat_formatter": "str_method", "tickformat": _TICKS}
-    told = json.dumps(made, default=float)
+    text = json.dumps(made, default=float)
     names, numbers = dict[str, str](), count()
-    told = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), told)
+    text = re.sub(r"\bel\d+[0-9a-f-]{36}", lambda one: names.setdefault(one[0], f"f{number}-{next(numbers)}"), text)
     # JSON has no NaN: as a word it is none to a line either, which has a gap there
-    brief = json.loads(told, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}"), parse_constant=str)
-    told = json.dumps(brief, allow_nan=False)
-    return '<script type="application/json">' + told.replace("<", "\\u003c") + "</script>"
+    brief = json.loads(text, parse_float=lambda text: float(f"{float(text):.{_DIGITS}g}"), parse_constant=str)
+    text = json.dumps(brief, allow_nan=False)
+    return '<script type="application/json">' + text.replace("<", "\\u003c") + "</script>"

@@ -13,8 +13,8 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated
 from rverror.diagnosis.gears.grid import AngleGrid, whole
+from rverror.diagnosis.gears.observation import EverySample, MeanSamples
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.sight import EverySample, MeanSamples
 from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.noise import RunNoise
 from rverror.diagnosis.policy import POLICY
@@ -33,16 +33,19 @@ def wave_of(grid: AngleGrid, error: Array) -> Waveform:
 def test_a_waveform_is_read_at_the_samples_and_turns_with_the_marks(offset: float, period: float) -> None:
     """Over a turn of the output or one of the crank, which repeats; its change is the derivative."""
     theta = np.sort(np.random.default_rng(7).uniform(0, 2 * TURN, 700))
-    sight = EverySample(record_of(np.zeros(theta.size), theta))
+    observation = EverySample(record_of(np.zeros(theta.size), theta))
     grid = whole(0.1, period, round(1024 * period / TURN) * (1 if period == TURN else 2))
     waves = [np.cos(16 * grid.theta) + np.sin(48 * grid.theta), np.sin(32 * grid.theta)]
     at = theta + offset
     expected = [np.cos(16 * at) + np.sin(48 * at), np.sin(32 * at)]
     wave = wave_of(grid, waves[0])
-    for rows in (sight.of_wave(wave, np.array(waves), offset), sight.of_grid(grid, np.array(waves), offset)):
+    for rows in (
+        observation.of_wave(wave, np.array(waves), offset),
+        observation.of_grid(grid, np.array(waves), offset),
+    ):
         assert rows == pytest.approx(np.array(expected), abs=1e-4)
-    assert sight.change(wave, offset) == pytest.approx(-16 * np.sin(16 * at) + 48 * np.cos(48 * at), abs=0.02)
-    assert sight.measured.size == sight.constant.sum() == sight.width == theta.size
+    assert observation.change(wave, offset) == pytest.approx(-16 * np.sin(16 * at) + 48 * np.cos(48 * at), abs=0.02)
+    assert observation.measured.size == observation.constant.sum() == observation.width == theta.size
 
 
 @pytest.mark.parametrize("kept", ["made", "_ways"])
@@ -54,10 +57,10 @@ def test_what_another_thread_clears_meanwhile_is_made_and_given_all_the_same(kep
             """Another thread clears all at once."""
 
     grid, theta = whole(0.0, TURN, 256), TURN * np.arange(300) / 300
-    sight = MeanSamples(record_of(np.zeros(theta.size), theta), 4)
+    observation = MeanSamples(record_of(np.zeros(theta.size), theta), 4)
     rows = np.cos(3 * grid.theta)[None]
-    expected = sight.of_grid(grid, rows, 0.2)
-    other = MeanSamples(replace(sight.record, made=Dropped()) if kept == "made" else sight.record, 4)
+    expected = observation.of_grid(grid, rows, 0.2)
+    other = MeanSamples(replace(observation.record, made=Dropped()) if kept == "made" else observation.record, 4)
     if kept == "_ways":
         vars(other)[kept] = Dropped()
     assert np.array_equal(other.of_grid(grid, rows, 0.2), expected)

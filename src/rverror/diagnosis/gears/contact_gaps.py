@@ -22,7 +22,7 @@ _ROUNDING, _HALF = 1e-6, 0.5  # shares of the gaps that a source may lack: the v
 
 
 @dataclass(frozen=True, eq=False)
-class Gaps:
+class ContactGaps:
     """What sources close at all contacts of a gear train.
 
     Attributes
@@ -33,7 +33,7 @@ class Gaps:
     unit: Reducer
     _made: dict[object, Array | None] = field(default_factory=dict, repr=False)
 
-    def twins(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
+    def equivalents(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
         """Other sources that close the gaps of an effect, or of which its source can do all; in the nearest size."""
         own = self.of((effect.key, effect.indices))
         return [

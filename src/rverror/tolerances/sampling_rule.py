@@ -48,7 +48,7 @@ class WorstGroup:
 
 
 @dataclass(frozen=True)
-class Block:
+class SamplingRule:
     """How the standard draws of one entry come about."""
 
     first_variate: int  #: where the entry's uniform variates begin
@@ -116,7 +116,7 @@ class Block:
         return normal_correlation(self.distribution, self.distribution, self.correlation)
 
     def standard(self, uniforms: Array) -> Array:
-        """Standard draws, shape (units, instances * terms), from the block's columns of the uniform variates.
+        """Standard draws, shape (units, instances * terms), from the rule's columns of the uniform variates.
 
         Of an entry by itself: of one that is `joined` the stack draws.
         """

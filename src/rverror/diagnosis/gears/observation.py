@@ -1,8 +1,8 @@
-"""How a run is looked at: sample by sample, or through as few numbers as say the same of every smooth waveform.
+"""Observations: a run as a fit takes it, sample by sample or as a sufficient statistic of every smooth waveform.
 
 Of a waveform g on the angles of a grid a run knows ``D = |W (y - B g)|^2``, with B from the grid to the samples and W
 the whitening.  With W [B, X, y] = Q R, X what is no waveform of the gear train (drift, encoders), D is ``|R (g, x,
--1)|^2``: R says all that the run says, whatever its length.
+-1)|^2``: R is a sufficient statistic, whatever the length of the run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ T = TypeVar("T")
 _KEPT = 8  # readouts and motions of one run, each at its own offset of the marks
 
 
-class Sight(Protocol):
+class Observation(Protocol):
     """What a fit asks of a run: rows in its own width, and what they are once whitened."""
 
     @property

@@ -1,0 +1,114 @@
+"""How a table of a result reads: digits, words, headings, and the verdict before all else."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rverror
+from every_kind import every_kind
+from rverror import to_html, to_text
+from rverror.base.units import ARCSEC
+from rverror.diagnosis.next_run import Measurement
+from rverror.views import diagnosis_report
+from rverror.views.blocks import as_text
+from rverror.views.describing import sheet_of
+from rverror.views.variables import ANGLE, NUMBER, PERCENT, Table, Unit, Variable
+
+MM3 = Unit("mm**3", "mm**3")
+
+
+def text_of(**columns: Variable) -> list[str]:
+    """Lines of a table of a dimension "row"."""
+    return as_text(sheet_of(Table(columns, kind="Kind", rows="row"))).splitlines()
+
+
+def column(values: object, unit: Unit | None = NUMBER) -> Variable:
+    return Variable(("row",), values, unit)
+
+
+def test_the_rounding_of_zero_is_zero() -> None:
+    """1e-13 of a column's largest is what its floats round; 1e-9 of it is a number."""
+    *_, rounding, small = text_of(wave=column([2.5e3, 2.5e-10, 2.5e-6]))
+    assert (rounding.strip(), small.strip()) == ("0", "2.5e-06")
+
+
+def test_a_share_has_two_decimals() -> None:
+    *_, one, other = text_of(share=column([0.998661, 0.000045], PERCENT))
+    assert (one.strip(), other.strip()) == ("99.87", "0")
+
+
+def test_a_direction_is_a_word() -> None:
+    *_, one, other = text_of(direction=column([1.0, -1.0]))
+    assert (one.strip(), other.strip()) == ("forward", "reverse")
+
+
+def test_words_have_no_underscores_and_volumes_an_exponent() -> None:
+    lines = text_of(part=column(["crank_bearing"], None), volume=column([2.0], MM3))
+    assert lines[-2].split() == ["part", "volume,", "mm³"]
+    assert lines[-1].split() == ["crank", "bearing", "2"]
+
+
+def test_bare_ends_of_an_interval_are_those_of_the_column_before_them() -> None:
+    sizes = {name: column([value * ARCSEC], ANGLE) for name, value in (("amplitude", 0.2655), ("low", 0.16))}
+    lines = text_of(order=column([78.0]), **sizes, high=column([0.37 * ARCSEC], ANGLE), phase=column([1.0]))
+    assert lines[-2].split() == ["order", "amplitude,", "arcsec", "interval", "phase"]
+    assert lines[-1].split() == ["78", "0.27", "0.16", "to", "0.37", "1"]
+
+
+def test_a_size_has_the_digits_of_the_half_interval_that_is_known() -> None:
+    lines = text_of(p99=column([39.482]), p99_low=column([33.28]), p99_high=column([math.inf]))
+    assert lines[-1].split() == ["39", "33", "to", "∞"]
+
+
+@pytest.mark.parametrize(("cell", "counted"), [("crank 0", True), ("disc 1, pin 12", True), ("crank 40", False)])
+def test_indices_are_explained_and_orders_of_frames_are_not(cell: str, counted: bool) -> None:
+    made = Table({"frames": column([cell], None)}, kind="Kind", rows="row", verdict=("Found", "."))
+    assert ("counted from 0" in as_text(sheet_of(made))) is counted
+
+
+def test_one_measurement_for_two_causes_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = every_kind()["Diagnosis"][0]
+    (addition,) = found.added
+    other = replace(addition, effect=rverror.effect("sensor.encoder_ellipticity", cos=0, sin="3 arcsec"))
+    step = Measurement("rule", what="a run in reverse", why="it tells", separates=(("sensor.drift", {}),))
+    steps = [(addition, step), (None, Measurement("rule", what="a run at another load", why="")), (other, step)]
+    monkeypatch.setattr(diagnosis_report, "next_steps", lambda _: steps)
+    text = to_text(found)
+    assert re.findall(r"Measure next, (\d): (.*?)[:.]", text) == [
+        ("1", "a run in reverse"),
+        ("2", "a run at another load"),
+    ]
+    words = " ".join(text.split())
+    assert "sensor.encoder_eccentricity from sensor.drift; sensor.encoder_ellipticity from sensor.drift." in words
+
+
+def test_a_budget_with_limits_at_the_load_begins_with_the_yield_there() -> None:
+    found = every_kind()["ErrorBudget"][0]
+    one = found.at_load.verified.limits[0]
+    limited = replace(one, limit=replace(one.limit, value=1e-9))  # which no unit meets
+    verified = replace(found.at_load.verified, limits=(limited,), together=0.0, together_interval=(0.0, 0.21))
+    text = to_text(replace(found, at_load=replace(found.at_load, verified=verified)))
+    assert text.splitlines()[1].startswith(
+        f"0 % of the units meet the limit of the {one.limit.label} under load (0 to 21)"
+    )
+    assert "Closed form: 99 % of the units stay within" in text
+    assert to_text(found).splitlines()[1].startswith("99 % of the units stay within")
+
+
+@pytest.mark.parametrize("kind", ["Efficiencies", "DutyEfficiency"])
+def test_several_efficiencies_have_their_bars(kind: str) -> None:
+    assert "<figure>" in to_html(every_kind()[kind][0])
+
+
+def test_modes_begin_with_the_lowest_of_the_machine() -> None:
+    found = every_kind()["Modes"][0]
+    support = np.zeros(found.frequency.size, dtype=bool)
+    support[:2] = True
+    rest = replace(found, of_sun_support=support)
+    lowest = next(f for f, sun in zip(rest.frequency, support, strict=True) if f > 0 and not sun)
+    assert f"Lowest mode of the machine: {lowest:.4g} Hz, mode 3;" in to_text(rest)
