@@ -6,20 +6,17 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.chance import chi_square
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import describe
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
-    RIVAL,
     ShiftSource,
     candidates_of,
     changes_over_serial,
@@ -30,7 +27,7 @@ from rverror.lots.differences import (
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
-from rverror.lots.own_equilibrium import GrossError, OwnEquilibrium
+from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import Process, UnitParts, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
 from rverror.lots.simulated import COMPLIANCES, Simulator
@@ -44,8 +41,6 @@ LEVEL = 0.01
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
-_SUSPECTS = 50  # units that are fitted: a quarter of 200, of which spoilt ones were among the least likely tenth
-_IN_A_ROW = 3  # of these that may be members, after which no other suspect is asked
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
@@ -65,7 +60,6 @@ class _Cleaned:
     values: Array
     members: npt.NDArray[np.bool_]
     kept: npt.NDArray[np.bool_]  #: those that the processes are told from
-    seen: bool = True  #: whether anything was looked for
     outsiders: tuple[Outsider, ...] = ()
     gross: tuple[Outsider, ...] = ()  #: those of them that their own equilibrium tells
     differences: tuple[Difference, ...] = ()
@@ -129,7 +123,7 @@ def lot(
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     values = simulator.amplitudes.values * simulator.scale
     everyone = np.ones(len(values), np.bool_)
-    cleaned, state = _Cleaned(values, everyone, everyone, seen=False), question.start
+    cleaned, state = _Cleaned(values, everyone, everyone), question.start
     for number in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
@@ -186,7 +180,8 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     """Find how groups differ and means change, and what is then no member.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
-    estimate, where enough remain: influences of the first order do not take all of it off.
+    estimate, where enough remain: influences of the first order do not take all of it off.  Where units by themselves
+    would be more than a fifth, they are the lot, and none is named.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
     candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
@@ -214,40 +209,38 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     unchanged = np.zeros(len(values), np.bool_)
     unchanged[ends[part.start] : ends[part.stop]] = True
 
-    names = tuple(compress(amplitudes.serials, unchanged))
-    units = _Units(names, values[unchanged], left[unchanged], middle[unchanged])
-    odd, gross = _few(_outsiders(simulator, units, estimate, seed), len(values)), before.gross
-    another = not before.seen and (groups or changes or odd)  # estimate follows, without these
-    if amplitudes.marked and not another:
-        gross += _gross(simulator, units, estimate, seed, odd, gross)
-    told = {one.serial: one for one in (*odd, *gross)}  # by its own equilibrium where it is
-    odd = _few(sorted(told.values(), key=lambda one: one.chance), len(values))
-    members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
-    alike &= members & unchanged
-    enough = alike.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
-    return _Cleaned(left, members, alike if enough else members, True, odd, gross, groups, changes)
+    def cleaned(odd: Sequence[Outsider], gross: tuple[Outsider, ...]) -> _Cleaned:
+        told = {one.serial: one for one in (*odd, *gross)}
+        some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= _SPOILT * len(values) else ()
+        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
+        kept = alike & members & unchanged
+        enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
+        return _Cleaned(left, members, kept if enough else members, some, gross, groups, changes)
+
+    odd = _outsiders(simulator, left, unchanged, estimate, seed)
+    found = cleaned(odd, before.gross)
+    if not amplitudes.marked or found.same != before.same:  # another estimate follows
+        return found
+    asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
+    away = left[asked] - np.median(left[unchanged], axis=0)
+    more = OwnEquilibrium.of(simulator, estimate, seed).outsiders(
+        tuple(compress(amplitudes.serials, asked)),
+        (values - left)[asked] + away + estimate.draws.mean,
+        middle[asked],
+        np.einsum("ud,de,ue->u", away, weight, away),
+        LEVEL / 2,
+    )
+    return cleaned(odd, (*before.gross, *more))
 
 
 def _centred(values: Array) -> Array:
     return np.asarray(values - values.mean(axis=0))
 
 
-def _few(odd: Sequence[Outsider], units: int) -> tuple[Outsider, ...]:
-    """Units that are no members; none where they would be more than a fifth, for then they are the lot."""
-    return tuple(odd) if len(odd) <= _SPOILT * units else ()
-
-
-class _Units(NamedTuple):
-    """Units of a lot."""
-
-    serials: tuple[str, ...]
-    values: Array  # (u, d): amplitudes
-    left: Array  # (u, d): the same without what shifts of groups and over the serials change, to first order
-    middle: Array  # (u, components): mean errors of the parts of each, these shifts in them
-
-
-def _outsiders(simulator: Simulator, units: _Units, estimate: LotEstimate, seed: int) -> tuple[Outsider, ...]:
-    """Units that are no members by influences of the first order, and all in all.
+def _outsiders(
+    simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
+) -> tuple[Outsider, ...]:
+    """Some units that are no members, by influences of the first order and all in all.
 
     After a change what is left of it would make its units no members.
     """
@@ -255,66 +248,15 @@ def _outsiders(simulator: Simulator, units: _Units, estimate: LotEstimate, seed:
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
     marked = simulator.amplitudes.marked
     return outsiders(
-        units.left - marked * np.median(units.left, axis=0),
-        units.serials,
+        values[some] - marked * np.median(values[some], axis=0),
+        tuple(compress(simulator.amplitudes.serials, some)),
         drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
         estimate.weight,
         estimate.draws.influence,
         simulator.parts,
         marked=marked,
-        level=LEVEL / (1 + marked),
+        level=LEVEL / (1 + marked),  # the other half is for those that their own equilibrium tells
     )
-
-
-def _gross(
-    simulator: Simulator,
-    units: _Units,
-    estimate: LotEstimate,
-    seed: int,
-    found: Sequence[Outsider],
-    before: Sequence[Outsider],
-) -> tuple[Outsider, ...]:
-    """More units that a gross error makes, by their own equilibrium: of those that are found, and suspected ones.
-
-    The farthest is asked first, until some in a row may be members.
-    """
-    own, count, level = OwnEquilibrium.of(simulator, estimate, seed), len(units.serials), LEVEL / 2
-    typical = np.median(units.left, axis=0)
-    values, away = units.values - (typical - estimate.draws.mean), units.left - typical
-    told_before = {one.serial for one in before}
-    known = {one.serial for one in found} - told_before
-    far = np.argsort(-np.einsum("ud,de,ue->u", away, estimate.weight, away))
-    suspects = [unit for unit in far.tolist() if units.serials[unit] not in known | told_before]
-    suspects = suspects[:_SUSPECTS]
-    enough = chi_square(level / count, values.shape[1])
-    distance = own.distances(values[suspects], units.middle[suspects], enough)
-    beyond = [suspects[at] for at in np.argsort(-distance) if distance[at] >= enough]
-    told, in_a_row = list[Outsider](), 0
-    for unit in [*map(units.serials.index, sorted(known)), *beyond]:
-        serial = units.serials[unit]
-        errors = own.gross_errors(values[unit], units.middle[unit])
-        chance = count * math.exp(-errors[0].gain / 2) if errors else math.inf
-        if chance < level:
-            causes, rivals = _told(simulator.parts, errors)
-            told.append(Outsider(serial, errors[0].gain, chance, causes, rivals))
-        in_a_row = 0 if chance < level or serial in known else in_a_row + 1
-        if in_a_row == _IN_A_ROW:
-            break
-    return tuple(told)
-
-
-def _told(parts: UnitParts, errors: Sequence[GrossError]) -> tuple[tuple[Shift, ...], tuple[str, ...]]:
-    """The likeliest of gross errors, and the names of those that are nearly as likely."""
-    first, *others = errors
-    effect = parts.effects[first.effect]
-    own = [parameter for parameter, at in zip(parts.parameters, parts.effect, strict=True) if at == first.effect]
-    sizes = [
-        Interval(x, x - 1.96 * e, x + 1.96 * e)
-        for x, e in zip(first.sizes.tolist(), first.errors.tolist(), strict=True)
-    ]
-    causes = tuple(Shift(effect.key, effect.indices, p.name, p.dimension, x) for p, x in zip(own, sizes, strict=True))
-    near = [parts.effects[one.effect] for one in others if one.gain > first.gain - RIVAL]
-    return causes, tuple(describe(one.key, one.indices) for one in near)
 
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:

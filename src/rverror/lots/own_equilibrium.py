@@ -6,7 +6,7 @@ Page ``theory/lots.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,17 +15,22 @@ import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.base.text import describe
 from rverror.base.threads import each
 from rverror.lots.moments import LotEstimate
-from rverror.lots.simulated import COMPLIANCES, Simulator, SolvedUnit, State
+from rverror.lots.processes import Process
+from rverror.lots.result import Interval, Outsider, Shift
+from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
 
-_LEADING, _FURTHER = 7, 2  # parts of either list that are tried; and those that are fitted from all starts
-_STARTS = 6  # where a start leads to a minimum that is no member in 1 of 20, all of them do in one of 6e7
-_STEPS, _LAST = 5, 20  # at each variance of the noise, and at the last, its own
+_FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
+_SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
+_STARTS = 6  # of a member: where one of 20 leads to a minimum that is none, all of them do in one of 6e7
+_DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one
+_FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
+_COOLED = 3.0  # by which the noise's variance is divided at each step
 _FALL = 0.01  # share of the squares, or squares, by which a step has to lower them
 _DAMPING = 1e4  # from which on a step leads nowhere
-
-Solve = Callable[[Array], SolvedUnit | None]
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,8 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class NearestUnit:
-    """The most probable unit with some amplitudes.
+class FittedUnit:
+    """A unit beside some amplitudes, and what is left of them.
 
     Attributes
     ----------
@@ -46,23 +51,44 @@ class NearestUnit:
         Of its part errors about their means, standard deviations.
     left : ndarray, shape (d,)
         Of the amplitudes, in which noise has unit variance.
-    solved : SolvedUnit
+    slopes : ndarray, shape (d, components)
+        Change of its own amplitudes per standard deviation.
     """
 
     sizes: Array
     left: Array
-    solved: SolvedUnit
+    slopes: Array
 
     @property
     def distance(self) -> float:
-        """Minus twice the log posterior: squares of what is left and of the sizes."""
+        """Minus twice the log posterior, but for a constant: squares of what is left and of the sizes."""
         return float(self.left @ self.left + self.sizes @ self.sizes)
 
+    @property
+    def misfit(self) -> float:
+        """Distance over what chance makes of it, if more: the model lacks something, all the more of large errors."""
+        return max(1.0, self.distance / len(self.left))
 
-def nearest(solve: Solve, values: Array, prior: Prior, start: Array, enough: float = 0.0) -> NearestUnit | None:
-    """Fit a unit to amplitudes from a start, to a local minimum of its distance.
+    @property
+    def score(self) -> float:
+        """Minus twice the log evidence by Laplace's approximation, one step on, but for a constant."""
+        covariance = self.slopes @ self.slopes.T + np.eye(len(self.left))
+        away = self.left + self.slopes @ self.sizes
+        return float(away @ np.linalg.solve(covariance, away) + np.linalg.slogdet(covariance)[1])
 
-    The noise is taken to be as large as what the start leaves, and its variance is then a tenth each time.
+
+def fitted(solve: Solve, values: Array, prior: Prior, sizes: Array) -> FittedUnit | None:
+    """A unit of some sizes beside amplitudes; None where it has no equilibrium."""
+    solved = solve(prior.middle + prior.spread * sizes)
+    if solved is None:
+        return None
+    return FittedUnit(sizes, values - solved.values, (solved.influence * prior.spread[:, None]).T)
+
+
+def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUnit | None:
+    """Fit a unit to amplitudes from a start, to a local minimum of its distance, in damped steps.
+
+    The noise is taken to be as large as what the start leaves, and less at each step.
 
     Parameters
     ----------
@@ -73,55 +99,32 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array, enough: flo
     prior : Prior
     start : ndarray, shape (components,)
         Standard deviations.
-    enough : float
-        Distance from which on no smaller one is sought.
 
     Returns
     -------
-    NearestUnit or None
+    FittedUnit or None
         None where the start has no equilibrium.
     """
-
-    def unit(sizes: Array) -> NearestUnit | None:
-        solved = solve(prior.middle + prior.spread * sizes)
-        return None if solved is None else NearestUnit(sizes, values - solved.values, solved)
-
-    now = unit(start)
+    now = fitted(solve, values, prior, start)
     if now is None:
         return None
-    noise = max(float(now.left @ now.left) / len(values), 1.0)
+    noise, damping = float(now.left @ now.left) / len(values), 0.0
     while True:
-        noise = max(noise / 10, 1.0)
-        now = _settled(unit, now, prior, noise, enough)
-        if noise == 1.0:
-            return now
-
-
-def _settled(
-    unit: Callable[[Array], NearestUnit | None], now: NearestUnit, prior: Prior, noise: float, enough: float
-) -> NearestUnit:
-    """Damped steps under one variance of the noise."""
-
-    def squares(one: NearestUnit) -> float:
-        return float(one.left @ one.left / noise + one.sizes @ one.sizes)
-
-    damping, count = 0.0, len(now.left)
-    for _ in range(_LAST if noise == 1.0 else _STEPS):
-        slopes = _slopes(now, prior)
-        covariance, pull = slopes @ slopes.T, slopes.T @ now.left / noise - now.sizes
+        noise = max(noise / _COOLED, 1.0)
+        before = now.left @ now.left / noise + now.sizes @ now.sizes
+        covariance, pull = now.slopes @ now.slopes.T, now.slopes.T @ now.left / noise - now.sizes
         while True:
-            damped = covariance + noise * (1 + damping) * np.eye(count)
-            step = (pull - slopes.T @ scipy.linalg.solve(damped, slopes @ pull, assume_a="pos")) / (1 + damping)
-            other = unit(now.sizes + step)
-            if other is not None and squares(other) < squares(now):
+            damped = covariance + noise * (1 + damping) * np.eye(len(values))
+            along = scipy.linalg.solve(damped, now.slopes @ pull, assume_a="pos")
+            other = fitted(solve, values, prior, now.sizes + (pull - now.slopes.T @ along) / (1 + damping))
+            fallen = before - (other.left @ other.left / noise + other.sizes @ other.sizes) if other else -math.inf
+            if fallen > 0 or damping > _DAMPING:
                 break
             damping = max(10 * damping, 0.1)
-            if damping > _DAMPING:
-                return now
-        fallen, now, damping = squares(now) - squares(other), other, damping / 10
-        if now.distance < enough or fallen < _FALL * max(squares(now), 1 / _FALL):
-            break
-    return now
+        if other and fallen > 0:
+            now, damping = other, damping / 10
+        if noise == 1.0 and fallen < _FALL * max(before, 1 / _FALL):
+            return now
 
 
 @dataclass(frozen=True)
@@ -134,14 +137,20 @@ class GrossError:
         Number among `UnitParts.effects`.
     sizes, errors : ndarray, shape (parameters,)
         Of its parameters, and their standard errors, core units.
+    known : ndarray of bool, shape (parameters,)
+        Of which sizes the amplitudes say more than what was known before.
     gain : float
         Twice the logarithm of its odds against a member of the lot.
+    misfit : float
+        Of the unit that has it.
     """
 
     effect: int
     sizes: Array
     errors: Array
+    known: npt.NDArray[np.bool_]
     gain: float
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -175,95 +184,124 @@ class OwnEquilibrium:
         root = np.asarray(np.linalg.cholesky(soft + 1e-12 * np.eye(COMPLIANCES)))
         return cls(simulator, replace(estimate.state, deviation=deviation), root, seed)
 
-    def distances(self, values: Array, middle: Array, enough: float) -> Array:
-        """Distance of each unit from the nearest member, of those that are farthest from the best of all starts.
-
-        After each start the nearer half of the units is left as it is.
+    def outsiders(
+        self, serials: Sequence[str], values: Array, middle: Array, far: Array, level: float
+    ) -> tuple[Outsider, ...]:
+        """Units of which their own equilibrium tells that they are no members, of the farthest.
 
         Parameters
         ----------
+        serials : sequence of str
         values : ndarray, shape (units, d)
             Whitened amplitudes.
         middle : ndarray, shape (units, components)
             Mean errors of the parts of each.
-        enough : float
-            Distance from which on no nearer member is sought.
+        far : ndarray, shape (units,)
+            Squared distances, were all linear.
+        level : float
+            Chance of one in a lot without any.
 
         Returns
         -------
-        ndarray, shape (units,)
+        tuple of Outsider
+            Without causes where parts of several kinds do it, which are then among the rivals.
         """
-        least = np.full(len(values), np.inf)
-        for number, start in enumerate(self._starts):
+        found, effects = list[Outsider](), self.simulator.parts.effects
+        for unit in np.argsort(-far)[:_SUSPECTS].tolist():
+            errors = self.gross_errors(values[unit], middle[unit], level / len(serials))
+            if errors:
+                names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
+                alike = len({effects[one.effect].key for one in errors}) == 1
+                chance = len(serials) * math.exp(-errors[0].gain / 2)
+                causes, rivals = (self._shifts(errors[0]), names[1:]) if alike else ((), names)
+                found.append(Outsider(serials[unit], errors[0].gain, chance, causes, tuple(rivals)))
+        return tuple(found)
 
-            def distance(unit: int, start: Array = start) -> float:
-                found = nearest(
-                    self._solve, values[unit], Prior(self._middle(middle[unit]), self._spread), start, enough
-                )
-                return found.distance if found else math.inf
-
-            farthest = np.argsort(-least)[: max(len(values) >> number, 1)]
-            some = farthest[least[farthest] >= enough]
-            least[some] = np.minimum(least[some], each(distance, some.tolist()))
-        return least
-
-    def gross_errors(self, values: Array, middle: Array) -> tuple[GrossError, ...]:
-        """Gross errors that may have made a unit what it is, the likeliest first; none where it may be a member.
-
-        Tried are the parts that lead in the nearest member.
+    def gross_errors(self, values: Array, middle: Array, chance: float) -> tuple[GrossError, ...]:
+        """Gross errors one of which has made a unit, the likeliest first; none where it may be a member.
 
         Parameters
         ----------
         values : ndarray, shape (d,)
+            Whitened amplitudes.
         middle : ndarray, shape (components,)
+            Mean errors of the parts.
+        chance : float
+            Of telling one of a member, or a part of a unit that another has made.
 
         Returns
         -------
         tuple of GrossError
+            With the first those over which its odds are not beyond the chance.
         """
-        usual = Prior(self._middle(middle), self._spread)
-        nearly = self._fits(values, usual, self._starts)
-        if not nearly:
+        usual = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
+        enough = chi_square(chance, len(values))
+        member = self._member(values, usual, enough)
+        if member is None or member.distance < enough:
             return ()
-        member = min(nearly, key=lambda one: one.distance)
-        priors = {effect: self._prior(usual, effect) for effect in self._leading(member, usual)}
-        found = {
-            effect: self._fits(values, prior, [member.sizes * self._spread / prior.spread])
-            for effect, prior in priors.items()
-        }
-
-        def score(effect: int) -> float:
-            return min((_score(one, priors[effect]) for one in found[effect]), default=math.inf) + self._cost(effect)
-
-        for effect in sorted(found, key=score)[:_FURTHER]:
-            found[effect] += self._fits(values, priors[effect], self._starts)
-        leader = min(found, key=score)
-        if not found[leader]:
+        few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
+        fits = [self._gross_error(number, values, usual, member) for number in few]
+        ranked, needed = sorted(fits, key=lambda one: -one.gain), -2 * math.log(chance)
+        if not ranked or ranked[0].gain < needed * member.misfit:
             return ()
-        best_of = min(found[leader], key=lambda one: _score(one, priors[leader]))
-        for effect in self._alike(leader):  # no fit goes from a part to another that does nearly the same
-            prior = priors.setdefault(effect, self._prior(usual, effect))
-            starts = self._moved(best_of, priors[leader], leader, prior, effect)
-            found[effect] = found.get(effect, []) + self._fits(values, prior, starts)
-        ranked = sorted((effect for effect in found if found[effect]), key=score)
-        best = {effect: min(found[effect], key=lambda one: _score(one, priors[effect])) for effect in ranked}
-        # a member may be near where a gross error has led
-        ends = [best[effect].sizes * priors[effect].spread / self._spread for effect in ranked[:_FURTHER]]
-        least = min(_score(one, usual) for one in nearly + self._fits(values, usual, ends))
+        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.misfit)
+
+    def _member(self, values: Array, usual: Prior, enough: float) -> FittedUnit | None:
+        """The nearest member of all starts, or the first that is near enough.
+
+        Starts are drawn: from a perfect unit, all of whose pins carry, a fit hardly finds those that do not.
+        """
+        found = None
+        for start in np.random.default_rng(self.seed).standard_normal((_STARTS, len(usual.spread))):
+            one = nearest(self._solve, values, usual, start)
+            if one and (found is None or one.distance < found.distance):
+                found = one
+            if found and found.distance < enough:
+                break
+        return found
+
+    def _gross_error(self, number: int, values: Array, usual: Prior, member: FittedUnit) -> GrossError:
+        """The likeliest of one part: all kinds are alike beforehand, and the parts of a kind.
+
+        No fit goes from no size to a large one, nor from one direction to another: they start from sizes all round.
+        """
+        own, process = self._effect == number, self._process_of_effect[number]
+        prior = replace(usual, spread=np.where(own, self._gross, usual.spread))
+        cost = 2 * math.log(len(self.simulator.parts.processes) * len(process.instances))
+        starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
+        starts[:, own] = _all_round(int(own.sum()))
+        begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), starts) if one]
+        begun.sort(key=lambda one: one.score)
+        best, gain = member, -math.inf
+        for one in begun[:_FITTED]:
+            found = nearest(self._solve, values, prior, one.sizes) or one
+            if member.score - found.score - cost > gain:
+                best, gain = found, member.score - found.score - cost
+            if gain < 0:  # a member does as well
+                break
+        rest = best.slopes[:, ~own] @ best.slopes[:, ~own].T + np.eye(len(best.left))
+        information = best.slopes[:, own].T @ np.linalg.solve(rest, best.slopes[:, own])
+        variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
+        sizes, spread = (prior.middle + prior.spread * best.sizes)[own], prior.spread[own]
+        return GrossError(number, sizes, np.sqrt(variance) * spread, variance < 0.5, gain, best.misfit)
+
+    def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
+        """Its sizes, those of which the amplitudes say more than what was known before."""
+        parts, effect = self.simulator.parts, self.simulator.parts.effects[error.effect]
+        own = np.flatnonzero(parts.effect == error.effect).tolist()
+        rows = zip(own, error.sizes.tolist(), error.errors.tolist(), error.known.tolist(), strict=True)
         return tuple(
-            _gross_error(effect, self._effect == effect, best[effect], priors[effect], least - score(effect))
-            for effect in ranked
-            if score(effect) < least
+            Shift(effect.key, effect.indices, p.name, p.dimension, Interval(x, x - 1.96 * e, x + 1.96 * e))
+            for p, x, e in ((parts.parameters[at], x, e) for at, x, e, known in rows if known)
         )
+
+    @cached_property
+    def _process_of_effect(self) -> list[Process]:
+        return [process for process in self.simulator.parts.processes for _ in process.instances]
 
     @cached_property
     def _solve(self) -> Solve:
         return self.simulator.linearised_at(self.state, self.root)
-
-    @cached_property
-    def _starts(self) -> list[Array]:
-        """Drawn members: from a perfect unit, all of whose pins carry, a fit hardly finds those that do not."""
-        return list(np.random.default_rng(self.seed).standard_normal((_STARTS, len(self._spread))))
 
     @cached_property
     def _spread(self) -> Array:
@@ -273,78 +311,17 @@ class OwnEquilibrium:
     @cached_property
     def _gross(self) -> Array:
         """Standard deviation of an error that no process made: the largest that surprises no one."""
-        return np.array(
-            [*(parameter.plausible for parameter in self.simulator.parts.parameters), *np.ones(COMPLIANCES)]
-        )
+        plausible = [parameter.plausible for parameter in self.simulator.parts.parameters]
+        return np.array([*plausible, *np.ones(COMPLIANCES)])
 
     @cached_property
     def _effect(self) -> npt.NDArray[np.intp]:
         """Effect of each error, none of the stiffnesses."""
         return np.concatenate([self.simulator.parts.effect, np.full(COMPLIANCES, -1)])
 
-    def _middle(self, middle: Array) -> Array:
-        return np.concatenate([middle, np.zeros(COMPLIANCES)])
 
-    def _prior(self, usual: Prior, effect: int) -> Prior:
-        """A member's with a gross error."""
-        return replace(usual, spread=np.where(self._effect == effect, self._gross, self._spread))
-
-    def _alike(self, effect: int) -> list[int]:
-        """Other parts of a kind of which a unit has few."""
-        parts = self.simulator.parts
-        process = parts.process[parts.effect == effect][0]
-        others = np.unique(parts.effect[parts.process == process])
-        return [other for other in others.tolist() if other != effect] if len(others) <= _LEADING else []
-
-    def _moved(self, one: NearestUnit, prior: Prior, at: int, other: Prior, to: int) -> list[Array]:
-        """Sizes of a unit whose gross error is another part's, of either sign."""
-        error = one.sizes[self._effect == at]
-        bare = np.where(np.isin(self._effect, (at, to)), 0.0, one.sizes * prior.spread / other.spread)
-        moved = np.array([bare, bare])
-        moved[:, self._effect == to] = error, -error
-        return list(moved)
-
-    def _cost(self, effect: int) -> float:
-        """Minus twice the logarithm of a part's chance: all kinds are alike, and the parts of a kind."""
-        parts = self.simulator.parts
-        process = parts.processes[parts.process[parts.effect == effect][0]]
-        return 2 * math.log(len(parts.processes) * len(process.instances))
-
-    def _fits(self, values: Array, prior: Prior, starts: Sequence[Array]) -> list[NearestUnit]:
-        found = each(lambda start: nearest(self._solve, values, prior, start), starts)
-        return [one for one in found if one is not None]
-
-    def _leading(self, member: NearestUnit, usual: Prior) -> list[int]:
-        """Parts that are farthest from their means in a member, and those that as gross errors would explain most.
-
-        The latter to first order: by the odds of amplitudes that a part makes more of.
-        """
-        effect, slopes = self._effect, _slopes(member, usual)
-        covariance = slopes @ slopes.T + np.eye(len(slopes))
-        away = np.linalg.solve(covariance, member.left + slopes @ member.sizes)
-        pull, information = slopes.T @ away, slopes.T @ np.linalg.solve(covariance, slopes)
-        more, gains = self._gross / self._spread, []
-        for number in range(len(self.simulator.parts.effects)):
-            own = np.flatnonzero(effect == number)
-            inner = np.eye(len(own)) + more[own, None] * information[np.ix_(own, own)] * more[own]
-            along = more[own] * pull[own]
-            gains.append(float(along @ np.linalg.solve(inner, along) - np.linalg.slogdet(inner)[1]))
-        lists = np.bincount(effect[effect >= 0], member.sizes[effect >= 0] ** 2), np.array(gains)
-        return list(dict.fromkeys(at for one in lists for at in np.argsort(-one)[:_LEADING].tolist()))
-
-
-def _slopes(one: NearestUnit, prior: Prior) -> Array:
-    return np.asarray((one.solved.influence * prior.spread[:, None]).T)
-
-
-def _score(one: NearestUnit, prior: Prior) -> float:
-    """Minus twice the logarithm of the evidence, by Laplace's approximation, but for a constant."""
-    slopes = _slopes(one, prior)
-    return one.distance + float(np.linalg.slogdet(slopes @ slopes.T + np.eye(len(slopes)))[1])
-
-
-def _gross_error(effect: int, own: npt.NDArray[np.bool_], one: NearestUnit, prior: Prior, gain: float) -> GrossError:
-    slopes = _slopes(one, prior)
-    covariance = np.linalg.inv(slopes.T @ slopes + np.eye(len(own)))
-    sizes = (prior.middle + prior.spread * one.sizes)[own]
-    return GrossError(effect, sizes, np.sqrt(np.diag(covariance)[own]) * prior.spread[own], gain)
+def _all_round(parameters: int) -> Array:
+    """Sizes of a part in all directions."""
+    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    directions = np.array([np.cos(angles), np.sin(angles)]).T
+    return np.concatenate([radius * directions[:, :parameters] for radius in _RADII])

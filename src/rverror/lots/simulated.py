@@ -48,9 +48,12 @@ class SolvedUnit(NamedTuple):
     influence: Array  # (components, d), per core unit of each
 
 
+Solve = Callable[[Array], SolvedUnit | None]  #: of part errors, core units; None where there is no equilibrium
+
+
 @dataclass(frozen=True)
 class Draws:
-    """SolvedUnit units of a state, whitened: divided by the root of the noise's variance.
+    """Solved units of a state, whitened: divided by the root of the noise's variance.
 
     Attributes
     ----------
@@ -200,7 +203,7 @@ class Simulator:
         """
         return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))
 
-    def linearised_at(self, state: State, root: Array) -> Callable[[Array], SolvedUnit | None]:
+    def linearised_at(self, state: State, root: Array) -> Solve:
         """What solves units of the state with errors given, and stiffnesses that are a little off, to first order.
 
         Parameters
