@@ -25,8 +25,8 @@ from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
 
 _FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
 _SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
-_STARTS = 6  # of a member: where one of 20 leads to a minimum that is none, all of them do in one of 6e7
-_DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one
+_STARTS = 6  # of a member: of units that are far each leads to the nearest in about one of two, all fail in one of 60
+_DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one: 30 to 90 um are near
 _FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
 _COOLED = 3.0  # by which the noise's variance is divided at each step
 _FALL = 0.01  # share of the squares, or squares, by which a step has to lower them
@@ -111,7 +111,7 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUn
     noise, damping = float(now.left @ now.left) / len(values), 0.0
     while True:
         noise = max(noise / _COOLED, 1.0)
-        before = now.left @ now.left / noise + now.sizes @ now.sizes
+        before = float(now.left @ now.left / noise + now.sizes @ now.sizes)
         covariance, pull = now.slopes @ now.slopes.T, now.slopes.T @ now.left / noise - now.sizes
         while True:
             damped = covariance + noise * (1 + damping) * np.eye(len(values))
@@ -136,7 +136,7 @@ class GrossError:
     effect : int
         Number among `UnitParts.effects`.
     sizes, errors : ndarray, shape (parameters,)
-        Of its parameters, and their standard errors, core units.
+        Of its parameters, and their standard errors, larger by the root of the misfit, core units.
     known : ndarray of bool, shape (parameters,)
         Of which sizes the amplitudes say more than what was known before.
     gain : float
@@ -270,7 +270,7 @@ class OwnEquilibrium:
         cost = 2 * math.log(len(self.simulator.parts.processes) * len(process.instances))
         starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
         starts[:, own] = _all_round(int(own.sum()))
-        begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), starts) if one]
+        begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), list(starts)) if one]
         begun.sort(key=lambda one: one.score)
         best, gain = member, -math.inf
         for one in begun[:_FITTED]:
@@ -283,7 +283,7 @@ class OwnEquilibrium:
         information = best.slopes[:, own].T @ np.linalg.solve(rest, best.slopes[:, own])
         variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
         sizes, spread = (prior.middle + prior.spread * best.sizes)[own], prior.spread[own]
-        return GrossError(number, sizes, np.sqrt(variance) * spread, variance < 0.5, gain, best.misfit)
+        return GrossError(number, sizes, np.sqrt(variance * best.misfit) * spread, variance < 0.5, gain, best.misfit)
 
     def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
         """Its sizes, those of which the amplitudes say more than what was known before."""
