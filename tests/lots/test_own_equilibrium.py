@@ -103,8 +103,10 @@ def test_a_gross_error_is_told_though_contacts_open(key: str) -> None:
     errors[:, parts.effect == effect] = truth
     found = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), CHANCE)
     mirror = {name: 1 - int(at) for name, at in parts.effects[effect].indices.items()}
-    assert parts.effects[found[0].effect].indices in (parts.effects[effect].indices, mirror)
-    assert effect in [one.effect for one in found]
+    there = [parts.effects[one.effect].indices for one in found]
+    assert there[0] in (parts.effects[effect].indices, mirror)
+    assert parts.effects[effect].indices in there
+    assert mirror in there  # whichever was found first, the other is fitted from it
     assert {parts.effects[one.effect].key for one in found} == {key}
     assert np.all(abs(found[0].sizes - truth) < 4 * found[0].errors)
     assert np.all(found[0].known)
