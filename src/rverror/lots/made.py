@@ -27,7 +27,8 @@ from rverror.lots.differences import (
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
-from rverror.lots.processes import Process, processes_of
+from rverror.lots.own_equilibrium import OwnEquilibrium
+from rverror.lots.processes import Process, UnitParts, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
@@ -60,6 +61,7 @@ class _Cleaned:
     members: npt.NDArray[np.bool_]
     kept: npt.NDArray[np.bool_]  #: those that the processes are told from
     outsiders: tuple[Outsider, ...] = ()
+    gross: tuple[Outsider, ...] = ()  #: those of them that their own equilibrium tells
     differences: tuple[Difference, ...] = ()
     changes: tuple[Change, ...] = ()
 
@@ -178,7 +180,8 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     """Find how groups differ and means change, and what is then no member.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
-    estimate, where enough remain: influences of the first order do not take all of it off.
+    estimate, where enough remain: influences of the first order do not take all of it off.  Where units by themselves
+    would be more than a fifth, they are the lot, and none is named.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
     candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
@@ -186,27 +189,48 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
+    middle = np.tile(simulator.parts.middle, (len(values), 1))  # mean errors of each unit's parts
 
     groups = group_differences(_centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed)
     for group in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
         left[inside] -= _effect(candidates, group.causes)
+        middle[inside] += _shifted(simulator.parts, group.causes)
         alike &= ~inside
 
     changes = changes_over_serial(_centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed)
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units
     for number, change in enumerate(changes):
         first, end = places[serials.index(change.since)], ends[steady(changes[:number], serials).stop]
-        left -= np.outer(course(change.course, first, end, len(values)), _effect(candidates, (change.cause,)))
+        share = course(change.course, first, end, len(values))
+        left -= np.outer(share, _effect(candidates, (change.cause,)))
+        middle += np.outer(share, _shifted(simulator.parts, (change.cause,)))
     part = steady(changes, serials)
     unchanged = np.zeros(len(values), np.bool_)
     unchanged[ends[part.start] : ends[part.stop]] = True
 
+    def cleaned(odd: Sequence[Outsider], gross: tuple[Outsider, ...]) -> _Cleaned:
+        told = {one.serial: one for one in (*odd, *gross)}
+        some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= _SPOILT * len(values) else ()
+        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
+        kept = alike & members & unchanged
+        enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
+        return _Cleaned(left, members, kept if enough else members, some, gross, groups, changes)
+
     odd = _outsiders(simulator, left, unchanged, estimate, seed)
-    members = ~np.isin(amplitudes.serials, [one.serial for one in odd])
-    alike &= members & unchanged
-    enough = alike.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
-    return _Cleaned(left, members, alike if enough else members, odd, groups, changes)
+    found = cleaned(odd, before.gross)
+    if not amplitudes.marked or found.same != before.same:  # another estimate follows
+        return found
+    asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
+    away = left[asked] - np.median(left[unchanged], axis=0)
+    more = OwnEquilibrium.of(simulator, estimate, seed).outsiders(
+        tuple(compress(amplitudes.serials, asked)),
+        (values - left)[asked] + away + estimate.draws.mean,
+        middle[asked],
+        np.einsum("ud,de,ue->u", away, weight, away),
+        LEVEL / 2,
+    )
+    return cleaned(odd, (*before.gross, *more))
 
 
 def _centred(values: Array) -> Array:
@@ -216,14 +240,14 @@ def _centred(values: Array) -> Array:
 def _outsiders(
     simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
 ) -> tuple[Outsider, ...]:
-    """Some units that are no members; none where they would be more than a fifth, for then they are the lot.
+    """Some units that are no members, by influences of the first order and all in all.
 
     After a change what is left of it would make its units no members.
     """
     rng = np.random.default_rng(seed + 1)
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
     marked = simulator.amplitudes.marked
-    found = outsiders(
+    return outsiders(
         values[some] - marked * np.median(values[some], axis=0),
         tuple(compress(simulator.amplitudes.serials, some)),
         drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
@@ -231,15 +255,26 @@ def _outsiders(
         estimate.draws.influence,
         simulator.parts,
         marked=marked,
-        level=LEVEL,
+        level=LEVEL / (1 + marked),  # the other half is for those that their own equilibrium tells
     )
-    return found if len(found) <= _SPOILT * len(values) else ()
 
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
     """What shifts change of a unit's amplitudes."""
     columns = {(c.label, c.parameters): c.columns[:, 0] for c in candidates}
     return np.asarray(sum(columns[describe(one.key, one.indices), (one.parameter,)] * one.size.value for one in causes))
+
+
+def _shifted(parts: UnitParts, causes: Sequence[Shift]) -> Array:
+    """What shifts change of the errors of all parts, shape (components,)."""
+    found = np.zeros(len(parts.process))
+    for one in causes:
+        for at, parameter in enumerate(parts.parameters):
+            effect = parts.effects[parts.effect[at]]
+            same = effect.key == one.key and one.indices.items() <= effect.indices.items()
+            if same and parameter.name == one.parameter:
+                found[at] += one.size.value
+    return found
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------

@@ -101,7 +101,8 @@ class Outsider:
     ----------
     serial : str
     distance : float
-        Squared standard deviations by which it is off along its cause.
+        Squared standard deviations by which it is off along its cause; twice the logarithm of the cause's odds where
+        the unit's own equilibrium tells it.
     chance : float
         How often a member of the lot is as far off, any cause of any unit.
     causes : tuple of Shift
@@ -109,7 +110,7 @@ class Outsider:
     rivals : tuple of str
         Parts that would do it as well.
     diagnosis : Diagnosis or None
-        Of its own runs with the lot's stiffness; `causes` are of the first order, gross errors are not.
+        Of its own runs with the lot's stiffness, for causes that are no error of one part.
     """
 
     serial: str

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,16 @@ class State:
 
     deviation: Array
     compliance: Array
+
+
+class SolvedUnit(NamedTuple):
+    """A unit, whitened, and how it changes."""
+
+    values: Array  # (d,)
+    influence: Array  # (components, d), per core unit of each
+
+
+Solve = Callable[[Array], SolvedUnit | None]  #: of part errors, core units; None where there is no equilibrium
 
 
 @dataclass(frozen=True)
@@ -191,6 +202,33 @@ class Simulator:
             If it has no equilibrium.
         """
         return self._solved(self._loaded(softening), np.maximum(errors, self.parts.least))
+
+    def linearised_at(self, state: State, root: Array) -> Solve:
+        """What solves units of the state with errors given, and stiffnesses that are a little off, to first order.
+
+        Parameters
+        ----------
+        state : State
+        root : ndarray, shape (6, 6)
+            Of the covariance of the logarithms of compliances: of its columns the errors have so many, behind those of
+            the parts.
+
+        Returns
+        -------
+        callable
+            None is of a unit without equilibrium.
+        """
+        turns, count = self._loaded(state.compliance), len(self.parts.process)
+
+        def solve(errors: Array) -> SolvedUnit | None:
+            try:
+                values, influence, by_softening = self._solved(turns, np.maximum(errors[:count], self.parts.least))
+            except NotConvergedError:
+                return None
+            softer = root.T @ by_softening[:COMPLIANCES]
+            return SolvedUnit(values + errors[count:] @ softer, np.concatenate([influence, softer]))
+
+        return solve
 
     def _solved(self, turns: Sequence[LoadedTurn], errors: Array) -> tuple[Array, Array, Array]:
         found = []

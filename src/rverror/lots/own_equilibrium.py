@@ -1,0 +1,350 @@
+"""Suspected units by their own equilibrium: the most probable unit of the lot that has a unit's amplitudes.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
+from rverror.base.text import describe
+from rverror.base.threads import each
+from rverror.diagnosis.gears.moves import equivalents
+from rverror.lots.moments import LotEstimate
+from rverror.lots.processes import Process
+from rverror.lots.result import Interval, Outsider, Shift
+from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
+
+_FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
+_SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
+_STARTS = 6  # of a member: of units that are far each leads to the nearest in about one of two, all fail in one of 60
+_DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one: 30 to 90 um are near
+_FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
+_COOLED = 3.0  # by which the noise's variance is divided at each step
+_FALL = 0.01  # share of the squares, or squares, by which a step has to lower them
+_DAMPING = 1e4  # from which on a step leads nowhere
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Errors of a unit's parts before it is measured: independent and normal, shape (components,), core units."""
+
+    middle: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class FittedUnit:
+    """A unit beside some amplitudes, and what is left of them.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (components,)
+        Of its part errors about their means, standard deviations.
+    left : ndarray, shape (d,)
+        Of the amplitudes, in which noise has unit variance.
+    slopes : ndarray, shape (d, components)
+        Change of its own amplitudes per standard deviation.
+    """
+
+    sizes: Array
+    left: Array
+    slopes: Array
+
+    @property
+    def distance(self) -> float:
+        """Minus twice the log posterior, but for a constant: squares of what is left and of the sizes."""
+        return float(self.left @ self.left + self.sizes @ self.sizes)
+
+    @property
+    def misfit(self) -> float:
+        """Distance over what chance makes of it, if more: the model lacks something, all the more of large errors."""
+        return max(1.0, self.distance / len(self.left))
+
+    @property
+    def score(self) -> float:
+        """Minus twice the log evidence by Laplace's approximation, one step on, but for a constant."""
+        covariance = self.slopes @ self.slopes.T + np.eye(len(self.left))
+        away = self.left + self.slopes @ self.sizes
+        return float(away @ np.linalg.solve(covariance, away) + np.linalg.slogdet(covariance)[1])
+
+
+def fitted(solve: Solve, values: Array, prior: Prior, sizes: Array) -> FittedUnit | None:
+    """A unit of some sizes beside amplitudes; None where it has no equilibrium."""
+    solved = solve(prior.middle + prior.spread * sizes)
+    if solved is None:
+        return None
+    return FittedUnit(sizes, values - solved.values, (solved.influence * prior.spread[:, None]).T)
+
+
+def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUnit | None:
+    """Fit a unit to amplitudes from a start, to a local minimum of its distance, in damped steps.
+
+    The noise is taken to be as large as what the start leaves, and less at each step.
+
+    Parameters
+    ----------
+    solve : callable
+        Of part errors, core units; None where there is no equilibrium.
+    values : ndarray, shape (d,)
+        Whitened amplitudes.
+    prior : Prior
+    start : ndarray, shape (components,)
+        Standard deviations.
+
+    Returns
+    -------
+    FittedUnit or None
+        None where the start has no equilibrium.
+    """
+    now = fitted(solve, values, prior, start)
+    if now is None:
+        return None
+    noise, damping = float(now.left @ now.left) / len(values), 0.0
+    while True:
+        noise = max(noise / _COOLED, 1.0)
+        before = float(now.left @ now.left / noise + now.sizes @ now.sizes)
+        covariance, pull = now.slopes @ now.slopes.T, now.slopes.T @ now.left / noise - now.sizes
+        while True:
+            damped = covariance + noise * (1 + damping) * np.eye(len(values))
+            along = scipy.linalg.solve(damped, now.slopes @ pull, assume_a="pos")
+            other = fitted(solve, values, prior, now.sizes + (pull - now.slopes.T @ along) / (1 + damping))
+            fallen = before - (other.left @ other.left / noise + other.sizes @ other.sizes) if other else -math.inf
+            if fallen > 0 or damping > _DAMPING:
+                break
+            damping = max(10 * damping, 0.1)
+        if other and fallen > 0:
+            now, damping = other, damping / 10
+        if noise == 1.0 and fallen < _FALL * max(before, 1 / _FALL):
+            return now
+
+
+@dataclass(frozen=True)
+class GrossError:
+    """An error of one part that no process of the lot has made.
+
+    Attributes
+    ----------
+    effect : int
+        Number among `UnitParts.effects`.
+    sizes, errors : ndarray, shape (parameters,)
+        Of its parameters, and their standard errors, larger by the root of the misfit, core units.
+    known : ndarray of bool, shape (parameters,)
+        Of which sizes the amplitudes say more than what was known before.
+    gain : float
+        Twice the logarithm of its odds against a member of the lot.
+    unit : FittedUnit
+        That has it.
+    """
+
+    effect: int
+    sizes: Array
+    errors: Array
+    known: npt.NDArray[np.bool_]
+    gain: float
+    unit: FittedUnit
+
+
+@dataclass(frozen=True)
+class OwnEquilibrium:
+    """Members of a lot, to which suspected units are held.
+
+    Attributes
+    ----------
+    simulator : Simulator
+    state : State
+        What the lot's processes make.
+    root : ndarray, shape (6, 6)
+        Of the covariance of the state's compliances.
+    seed : int
+        Of the units from which fits start.
+    """
+
+    simulator: Simulator
+    state: State
+    root: Array
+    seed: int = 0
+
+    @classmethod
+    def of(cls, simulator: Simulator, estimate: LotEstimate, seed: int = 0) -> OwnEquilibrium:
+        """Of an estimate, whose errors a unit must not be taken for.
+
+        A variance is one standard error larger, a unit's stiffnesses are as uncertain as the lot's.
+        """
+        deviation = np.sqrt(estimate.state.deviation**2 + estimate.variance_error)
+        soft = estimate.covariance[-COMPLIANCES:, -COMPLIANCES:]
+        root = np.asarray(np.linalg.cholesky(soft + 1e-12 * np.eye(COMPLIANCES)))
+        return cls(simulator, replace(estimate.state, deviation=deviation), root, seed)
+
+    def outsiders(
+        self, serials: Sequence[str], values: Array, middle: Array, far: Array, level: float
+    ) -> tuple[Outsider, ...]:
+        """Units of which their own equilibrium tells that they are no members, of the farthest.
+
+        Parameters
+        ----------
+        serials : sequence of str
+        values : ndarray, shape (units, d)
+            Whitened amplitudes.
+        middle : ndarray, shape (units, components)
+            Mean errors of the parts of each.
+        far : ndarray, shape (units,)
+            Squared distances, were all linear.
+        level : float
+            Chance of one in a lot without any.
+
+        Returns
+        -------
+        tuple of Outsider
+            Without causes where parts of several kinds do it, which are then among the rivals.
+        """
+        found, effects = list[Outsider](), self.simulator.parts.effects
+        for unit in np.argsort(-far)[:_SUSPECTS].tolist():
+            errors = self.gross_errors(values[unit], middle[unit], level / len(serials))
+            if errors:
+                names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
+                alike = len({effects[one.effect].key for one in errors}) == 1
+                chance = len(serials) * math.exp(-errors[0].gain / 2)
+                causes, rivals = (self._shifts(errors[0]), names[1:]) if alike else ((), names)
+                found.append(Outsider(serials[unit], errors[0].gain, chance, causes, tuple(rivals)))
+        return tuple(found)
+
+    def gross_errors(self, values: Array, middle: Array, chance: float) -> tuple[GrossError, ...]:
+        """Gross errors one of which has made a unit, the likeliest first; none where it may be a member.
+
+        Parameters
+        ----------
+        values : ndarray, shape (d,)
+            Whitened amplitudes.
+        middle : ndarray, shape (components,)
+            Mean errors of the parts.
+        chance : float
+            Of telling one of a member, or a part of a unit that another has made.
+
+        Returns
+        -------
+        tuple of GrossError
+            With the first those over which its odds are not beyond the chance.
+        """
+        usual = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
+        enough = chi_square(chance, len(values))
+        member = self._member(values, usual, enough)
+        if member is None or member.distance < enough:
+            return ()
+        few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
+        fits = {number: self._gross_error(number, values, usual, member) for number in few}
+        needed = -2 * math.log(chance)
+        best = max(fits.values(), key=lambda one: one.gain, default=None)
+        if best is None or best.gain < needed * member.misfit:
+            return ()
+        for number, start in self._elsewhere(best, usual):
+            again = self._gross_error(number, values, usual, member, start)
+            fits[number] = max(fits[number], again, key=lambda one: one.gain)
+        ranked = sorted(fits.values(), key=lambda one: -one.gain)
+        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.unit.misfit)
+
+    def _elsewhere(self, error: GrossError, usual: Prior) -> Iterator[tuple[int, Array]]:
+        """Equivalent places of a part, and a start with its error there: its own fits may all end elsewhere."""
+        effects = self.simulator.parts.effects
+        effect = replace(effects[error.effect], values=tuple(error.sizes.tolist()))
+        number_of = {(one.key, *sorted(one.indices.items())): number for number, one in enumerate(effects)}
+        for other in equivalents(effect, self.simulator.model.mechanism):
+            number = number_of.get((other.key, *sorted(other.indices.items())))
+            if number is None:
+                continue
+            start, own = np.where(self._effect == error.effect, 0.0, error.unit.sizes), self._effect == number
+            start[own] = (np.array(other.values) - usual.middle[own]) / self._gross[own]
+            yield number, start
+
+    def _member(self, values: Array, usual: Prior, enough: float) -> FittedUnit | None:
+        """The nearest member of all starts, or the first that is near enough.
+
+        Starts are drawn: from a perfect unit, all of whose pins carry, a fit hardly finds those that do not.
+        """
+        found = None
+        for start in np.random.default_rng(self.seed).standard_normal((_STARTS, len(usual.spread))):
+            one = nearest(self._solve, values, usual, start)
+            if one and (found is None or one.distance < found.distance):
+                found = one
+            if found and found.distance < enough:
+                break
+        return found
+
+    def _gross_error(
+        self, number: int, values: Array, usual: Prior, member: FittedUnit, start: Array | None = None
+    ) -> GrossError:
+        """The likeliest of one part: all kinds are alike beforehand, and the parts of a kind.
+
+        No fit goes from no size to a large one, nor from one direction to another: they start from sizes all round, if
+        not from a given one.
+        """
+        own, process = self._effect == number, self._process_of_effect[number]
+        prior = replace(usual, spread=np.where(own, self._gross, usual.spread))
+        cost = 2 * math.log(len(self.simulator.parts.processes) * len(process.instances))
+        starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
+        starts[:, own] = _all_round(int(own.sum()))
+        starts = starts if start is None else start[None]
+        begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), list(starts)) if one]
+        begun.sort(key=lambda one: one.score)
+        best, gain = member, -math.inf
+        for one in begun[:_FITTED]:
+            found = nearest(self._solve, values, prior, one.sizes) or one
+            if member.score - found.score - cost > gain:
+                best, gain = found, member.score - found.score - cost
+            if gain < 0:  # a member does as well
+                break
+        rest = best.slopes[:, ~own] @ best.slopes[:, ~own].T + np.eye(len(best.left))
+        information = best.slopes[:, own].T @ np.linalg.solve(rest, best.slopes[:, own])
+        variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
+        sizes, spread = (prior.middle + prior.spread * best.sizes)[own], prior.spread[own]
+        return GrossError(number, sizes, np.sqrt(variance * best.misfit) * spread, variance < 0.5, gain, best)
+
+    def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
+        """Its sizes, those of which the amplitudes say more than what was known before."""
+        parts, effect = self.simulator.parts, self.simulator.parts.effects[error.effect]
+        own = np.flatnonzero(parts.effect == error.effect).tolist()
+        rows = zip(own, error.sizes.tolist(), error.errors.tolist(), error.known.tolist(), strict=True)
+        return tuple(
+            Shift(effect.key, effect.indices, p.name, p.dimension, Interval(x, x - 1.96 * e, x + 1.96 * e))
+            for p, x, e in ((parts.parameters[at], x, e) for at, x, e, known in rows if known)
+        )
+
+    @cached_property
+    def _process_of_effect(self) -> list[Process]:
+        return [process for process in self.simulator.parts.processes for _ in process.instances]
+
+    @cached_property
+    def _solve(self) -> Solve:
+        return self.simulator.linearised_at(self.state, self.root)
+
+    @cached_property
+    def _spread(self) -> Array:
+        """Standard deviation of each part error, core units, and of what the stiffnesses are off."""
+        return np.concatenate([self.state.deviation[self.simulator.parts.process], np.ones(COMPLIANCES)])
+
+    @cached_property
+    def _gross(self) -> Array:
+        """Standard deviation of an error that no process made: the largest that surprises no one."""
+        plausible = [parameter.plausible for parameter in self.simulator.parts.parameters]
+        return np.array([*plausible, *np.ones(COMPLIANCES)])
+
+    @cached_property
+    def _effect(self) -> npt.NDArray[np.intp]:
+        """Effect of each error, none of the stiffnesses."""
+        return np.concatenate([self.simulator.parts.effect, np.full(COMPLIANCES, -1)])
+
+
+def _all_round(parameters: int) -> Array:
+    """Sizes of a part in all directions."""
+    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    directions = np.array([np.cos(angles), np.sin(angles)]).T
+    return np.concatenate([radius * directions[:, :parameters] for radius in _RADII])

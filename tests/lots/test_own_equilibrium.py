@@ -1,0 +1,153 @@
+"""Suspected units by their own equilibrium: members are near, gross errors are far and are told."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import rverror
+from gear_runs import TURN, UNIT
+from rverror.base.arrays import Array
+from rverror.base.text import describe
+from rverror.base.units import ARCSEC
+from rverror.lots.amplitudes import Amplitudes, Condition
+from rverror.lots.own_equilibrium import OwnEquilibrium, Prior, nearest
+from rverror.lots.processes import UnitParts, processes_of
+from rverror.lots.simulated import COMPLIANCES, Simulator, SolvedUnit, State
+from rverror.model.effects import Model
+
+CAM, BORE, PIN = "crank.eccentricity", "cycloid.disc_bore_position", "cycloid.pin_position"
+DEVIATION = {CAM: 2e-3, BORE: 2e-3, PIN: 2e-3}
+AMPLITUDES = 60
+SEED = 4
+CHANCE = 0.005 / 200  # of a unit, where a lot of 200 may name one in 200
+
+
+def test_of_linear_units_the_distance_is_that_of_their_covariance() -> None:
+    """The truth is that of generalised least squares: y' (1 + S S')^-1 y."""
+    rng = np.random.default_rng(0)
+    influence, middle, values = (
+        rng.standard_normal((30, 12)) * 20,
+        rng.standard_normal(30),
+        rng.standard_normal(12) * 50,
+    )
+    spread = np.exp(rng.standard_normal(30))
+    slopes = (influence * spread[:, None]).T
+    away = values - middle @ influence
+    expected = away @ np.linalg.solve(np.eye(12) + slopes @ slopes.T, away)
+
+    def solve(errors: Array) -> SolvedUnit:
+        return SolvedUnit(errors @ influence, influence)
+
+    found = nearest(solve, values, Prior(middle, spread), rng.standard_normal(30))
+    assert found is not None
+    assert found.distance == pytest.approx(expected, rel=1e-6)
+    assert nearest(lambda errors: None, values, Prior(middle, spread), np.zeros(30)) is None
+
+
+@cache
+def lot_at_light_load() -> OwnEquilibrium:
+    """At 20 N*m most pins of such units carry nothing."""
+    theta = TURN * np.arange(128) / 128
+    run = rverror.run_from_arrays(
+        input_angle=UNIT.ratio * theta, output_angle=theta, direction="forward", torque="20 N*m"
+    )
+    tolerances = [rverror.tolerance(key, "10 um") for key in DEVIATION]
+    parts = UnitParts(processes_of(Model(UNIT), run, tolerances))
+    orders = np.array([1, 2, 3, 13, 14, 15, 16, 17, 18, 19, 30, 31, 32, 33, 48])
+    conditions = tuple(Condition(way, 20e3) for way in (1.0, -1.0))
+    lot = Amplitudes(
+        (), {}, conditions, orders, np.zeros((0, AMPLITUDES)), np.full(AMPLITUDES, (0.05 * ARCSEC) ** 2), 128
+    )
+    state = State(np.array([DEVIATION[process.key] for process in parts.processes]), np.zeros(COMPLIANCES))
+    simulator = Simulator(Model(UNIT), parts, lot)
+    return OwnEquilibrium(simulator, state, np.zeros((COMPLIANCES, COMPLIANCES)), seed=1)
+
+
+def spread() -> Array:
+    own = lot_at_light_load()
+    return own.state.deviation[own.simulator.parts.process]
+
+
+def drawn(count: int) -> tuple[Array, Array]:
+    """Part errors of members, and the noise of their amplitudes, of unit variance."""
+    rng = np.random.default_rng(SEED)
+    return spread() * rng.standard_normal((count, len(spread()))), rng.standard_normal((count, AMPLITUDES))
+
+
+def measured(errors: Array, noise: Array, compliance: float = 0.0) -> Array:
+    simulator = lot_at_light_load().simulator
+    return simulator.values(State(np.ones(len(DEVIATION)), np.full(COMPLIANCES, compliance)), errors) + noise
+
+
+def test_members_are_no_farther_than_they_are_made() -> None:
+    """A unit's own errors and noise are one unit that has its amplitudes: of some starts one comes as near."""
+    own, (errors, noise) = lot_at_light_load(), drawn(4)
+    solve = own.simulator.linearised_at(own.state, own.root)
+    starts = np.random.default_rng(1).standard_normal((6, len(spread()) + COMPLIANCES))
+    usual = Prior(np.zeros(starts.shape[1]), np.concatenate([spread(), np.ones(COMPLIANCES)]))
+    values = measured(errors, noise)
+    made = np.sum((errors / spread()) ** 2, axis=1) + np.sum(noise**2, axis=1)
+    for unit, most in zip(values, made, strict=True):
+        assert min(one.distance for one in (nearest(solve, unit, usual, start) for start in starts) if one) < most
+
+
+@pytest.mark.parametrize("key", [CAM, BORE])
+def test_a_gross_error_is_told_though_contacts_open(key: str) -> None:
+    """It or its mirror image, which no run tells from it; no part of another kind is nearly as likely."""
+    own, (errors, noise) = lot_at_light_load(), drawn(1)
+    parts, truth = own.simulator.parts, (0.04, -0.03)
+    effect = next(number for number, one in enumerate(parts.effects) if one.key == key)
+    errors[:, parts.effect == effect] = truth
+    found = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), CHANCE)
+    mirror = {name: 1 - int(at) for name, at in parts.effects[effect].indices.items()}
+    there = [parts.effects[one.effect].indices for one in found]
+    assert there[0] in (parts.effects[effect].indices, mirror)
+    assert parts.effects[effect].indices in there
+    assert mirror in there  # whichever was found first, the other is fitted from it
+    assert {parts.effects[one.effect].key for one in found} == {key}
+    assert np.all(abs(found[0].sizes - truth) < 4 * found[0].errors)
+    assert np.all(found[0].known)
+
+
+def test_a_unit_is_named_with_its_part_and_with_those_that_do_the_same() -> None:
+    """Of a member and a unit with a gross cam the latter: cam and mirror image are named, one beside the other."""
+    own, (errors, noise) = lot_at_light_load(), drawn(2)
+    parts = own.simulator.parts
+    errors[1, parts.effect == 0] = (0.04, -0.03)
+    found = own.outsiders(("sound", "spoilt"), measured(errors, noise), 0 * errors, np.array([1.0, 2.0]), 2 * CHANCE)
+    assert [one.serial for one in found] == ["spoilt"]
+    assert found[0].chance < 2 * CHANCE
+    assert {one.key for one in found[0].causes} == {CAM}
+    cams = {describe(CAM, {"crank": crank, "disc": crank}) for crank in (0, 1)}
+    assert cams <= {describe(CAM, found[0].causes[0].indices), *found[0].rivals}
+
+
+def test_a_member_has_no_gross_error() -> None:
+    own, (errors, noise) = lot_at_light_load(), drawn(4)
+    for unit in measured(errors, noise):
+        assert own.gross_errors(unit, np.zeros(len(spread())), CHANCE) == ()
+
+
+def test_the_means_of_a_unit_are_where_its_group_has_them() -> None:
+    own, (errors, noise) = lot_at_light_load(), drawn(1)
+    shift = np.where(own.simulator.parts.effect == 0, 0.05, 0.0)  # one cam's
+    values = measured(errors + shift, noise)[0]
+    assert own.gross_errors(values, shift, CHANCE) == ()
+    assert own.gross_errors(values, 0 * shift, CHANCE)
+
+
+def test_stiffnesses_are_uncertain_to_first_order() -> None:
+    """A unit whose compliances are 1 % and 2 % larger is that of a state that has them."""
+    own, (errors, _) = lot_at_light_load(), drawn(1)
+    compliance = np.array([0.01, 0.02, 0.0, 0.01, 0.0, 0.02])
+    root = np.diag(compliance)
+    solve, bare = (own.simulator.linearised_at(own.state, some) for some in (root, 0 * root))
+    both = np.concatenate([errors[0], np.ones(COMPLIANCES)])
+    near, away, softer = solve(both), bare(both), own.simulator.values(State(np.ones(3), compliance), errors)
+    assert near is not None
+    assert away is not None
+    assert np.linalg.norm(near.values - softer[0]) < 0.1 * np.linalg.norm(away.values - softer[0])
+    assert near.influence[-COMPLIANCES:].sum(axis=0) == pytest.approx(near.values - away.values)
