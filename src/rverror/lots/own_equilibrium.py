@@ -6,7 +6,7 @@ Page ``theory/lots.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +18,6 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
 from rverror.base.threads import each
-from rverror.diagnosis.gears.moves import equivalents
 from rverror.lots.moments import LotEstimate
 from rverror.lots.processes import Process
 from rverror.lots.result import Interval, Outsider, Shift
@@ -142,8 +141,8 @@ class GrossError:
         Of which sizes the amplitudes say more than what was known before.
     gain : float
         Twice the logarithm of its odds against a member of the lot.
-    unit : FittedUnit
-        That has it.
+    misfit : float
+        Of the unit that has it.
     """
 
     effect: int
@@ -151,7 +150,7 @@ class GrossError:
     errors: Array
     known: npt.NDArray[np.bool_]
     gain: float
-    unit: FittedUnit
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -233,7 +232,7 @@ class OwnEquilibrium:
         Returns
         -------
         tuple of GrossError
-            With the first those over which its odds are not beyond the chance.
+            With the first its mirror image, and those over which its odds are not beyond the chance.
         """
         usual = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
         enough = chi_square(chance, len(values))
@@ -241,29 +240,19 @@ class OwnEquilibrium:
         if member is None or member.distance < enough:
             return ()
         few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
-        fits = {number: self._gross_error(number, values, usual, member) for number in few}
-        needed = -2 * math.log(chance)
-        best = max(fits.values(), key=lambda one: one.gain, default=None)
-        if best is None or best.gain < needed * member.misfit:
+        fits = [self._gross_error(number, values, usual, member) for number in few]
+        ranked, needed = sorted(fits, key=lambda one: -one.gain), -2 * math.log(chance)
+        if not ranked or ranked[0].gain < needed * member.misfit:
             return ()
-        for number, start in self._elsewhere(best, usual):
-            again = self._gross_error(number, values, usual, member, start)
-            fits[number] = max(fits[number], again, key=lambda one: one.gain)
-        ranked = sorted(fits.values(), key=lambda one: -one.gain)
-        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.unit.misfit)
-
-    def _elsewhere(self, error: GrossError, usual: Prior) -> Iterator[tuple[int, Array]]:
-        """Equivalent places of a part, and a start with its error there: its own fits may all end elsewhere."""
         effects = self.simulator.parts.effects
-        effect = replace(effects[error.effect], values=tuple(error.sizes.tolist()))
-        number_of = {(one.key, *sorted(one.indices.items())): number for number, one in enumerate(effects)}
-        for other in equivalents(effect, self.simulator.model.mechanism):
-            number = number_of.get((other.key, *sorted(other.indices.items())))
-            if number is None:
-                continue
-            start, own = np.where(self._effect == error.effect, 0.0, error.unit.sizes), self._effect == number
-            start[own] = (np.array(other.values) - usual.middle[own]) / self._gross[own]
-            yield number, start
+        first = effects[ranked[0].effect]
+
+        def is_mirrored(one: GrossError) -> bool:
+            """Tell whether it is of the mirror image, which differs by what contacts do alone."""
+            other = effects[one.effect]
+            return other.key == first.key and all(other.indices[name] != at for name, at in first.indices.items())
+
+        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.misfit or is_mirrored(one))
 
     def _member(self, values: Array, usual: Prior, enough: float) -> FittedUnit | None:
         """The nearest member of all starts, or the first that is near enough.
@@ -279,20 +268,16 @@ class OwnEquilibrium:
                 break
         return found
 
-    def _gross_error(
-        self, number: int, values: Array, usual: Prior, member: FittedUnit, start: Array | None = None
-    ) -> GrossError:
+    def _gross_error(self, number: int, values: Array, usual: Prior, member: FittedUnit) -> GrossError:
         """The likeliest of one part: all kinds are alike beforehand, and the parts of a kind.
 
-        No fit goes from no size to a large one, nor from one direction to another: they start from sizes all round, if
-        not from a given one.
+        No fit goes from no size to a large one, nor from one direction to another: they start from sizes all round.
         """
         own, process = self._effect == number, self._process_of_effect[number]
         prior = replace(usual, spread=np.where(own, self._gross, usual.spread))
         cost = 2 * math.log(len(self.simulator.parts.processes) * len(process.instances))
         starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
         starts[:, own] = _all_round(int(own.sum()))
-        starts = starts if start is None else start[None]
         begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), list(starts)) if one]
         begun.sort(key=lambda one: one.score)
         best, gain = member, -math.inf
@@ -306,7 +291,7 @@ class OwnEquilibrium:
         information = best.slopes[:, own].T @ np.linalg.solve(rest, best.slopes[:, own])
         variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
         sizes, spread = (prior.middle + prior.spread * best.sizes)[own], prior.spread[own]
-        return GrossError(number, sizes, np.sqrt(variance * best.misfit) * spread, variance < 0.5, gain, best)
+        return GrossError(number, sizes, np.sqrt(variance * best.misfit) * spread, variance < 0.5, gain, best.misfit)
 
     def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
         """Its sizes, those of which the amplitudes say more than what was known before."""
