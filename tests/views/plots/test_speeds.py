@@ -95,6 +95,19 @@ def test_the_map_is_darkest_where_the_error_is_largest(found: SpeedResponse) -> 
     assert drawn.max() == pytest.approx(np.abs(found.waves).max() / ARCSEC)
 
 
+def test_the_map_reaches_beyond_the_largest_orders_and_shows_the_largest_of_each_cell() -> None:
+    """Without errors a cycloid drive has its meshes alone, of order 1560; six orders share a cell."""
+    found = speed_response(Model(reducer("RV-40E")), np.array([100.0, 200.0]) * RPM, torque="100 N*m")
+    ax = found.plot(kind="order_map")
+    (mesh,) = [c for c in ax.collections if hasattr(c, "get_coordinates")]
+    drawn = np.asarray(mesh.get_array()).reshape(-1, 2)
+    highest = np.sort(found.order[np.argsort(-np.abs(found.crawl_waves))][:5])[-1]
+    assert highest > 1000
+    assert ax.get_ylim()[1] == pytest.approx(1.05 * highest, rel=0.02)
+    assert drawn.shape[0] <= 260
+    assert drawn.max() == pytest.approx(np.abs(found.waves).max() / ARCSEC)
+
+
 def test_too_many_orders_and_none_are_refused(found: SpeedResponse) -> None:
     with pytest.raises(InputError, match="most = 13: must be 1 to 12 orders"):
         found.plot(most=13)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -28,11 +30,14 @@ from rverror.views.plots.figure import (
 
 _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
+_LARGEST = 5  # orders that are drawn where no number is given
+_BEYOND = 1.05  # times the highest of these, up to which a map is drawn
+_ROWS = 260  # of a map that can be told apart
 _APART = 0.045  # of what an axis shows, between texts
 _LINE = 10.0  # points, of small text
 
 
-def campbell(response: SpeedResponse, *, most: int = 5, ax: Axes | None = None) -> Axes:
+def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None = None) -> Axes:
     """Frequencies that the largest orders drive over the input speed, against the natural ones; crossings named.
 
     Parameters
@@ -122,14 +127,14 @@ def _crossings(
     return sorted(found[:_MOST])
 
 
-def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | None = None) -> Axes:
-    """Amplitude against order and input speed.
+def speed_map(response: SpeedResponse, *, highest: float | None = None, ax: Axes | None = None) -> Axes:
+    """Amplitude against order and input speed; where orders lie too close to be seen, the largest of each cell.
 
     Parameters
     ----------
     response : SpeedResponse
-    highest : float
-        Highest order to show.
+    highest : float, optional
+        Highest order to show; a little beyond the largest orders of the error where left out.
     ax : Axes, optional
         The colour bar takes its place from it.
     """
@@ -138,10 +143,19 @@ def speed_map(response: SpeedResponse, *, highest: float = 260.0, ax: Axes | Non
     ax = axes_for(ax, height=4.2)
     count = response.theta.size
     every = np.arange(1, count // 2 + 1) / response.period
-    shown = every <= highest
-    waves = 2 * np.fft.rfft(response.transmission_error)[:, 1:][:, shown] / count
-    speed, size = in_shown_unit(response.speed, "angular_speed"), in_shown_unit(np.abs(waves).T, "angle")
-    heat_map(ax, [(speed, every[shown], size)], label=f"amplitude, {shown_unit('angle')}")
+    if highest is None:
+        largest = response.order[_leading(response, _LARGEST)] if response.order.size else np.array([math.inf])
+        highest = _BEYOND * float(largest.max())
+    some = every[every <= highest]
+    sizes = np.abs(2 * np.fft.rfft(response.transmission_error)[:, 1 : some.size + 1] / count).T
+    together = -(-some.size // _ROWS)
+    starts = np.arange(0, some.size, together)
+    speed, size = (
+        in_shown_unit(response.speed, "angular_speed"),
+        in_shown_unit(np.maximum.reduceat(sizes, starts), "angle"),
+    )
+    of = f", largest of {together} orders" if together > 1 else ""
+    heat_map(ax, [(speed, some[starts], size)], label=f"amplitude, {shown_unit('angle')}{of}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
 
 
