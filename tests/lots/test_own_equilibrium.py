@@ -106,10 +106,21 @@ def test_a_gross_error_is_told_though_contacts_open(key: str) -> None:
     there = [parts.effects[one.effect].indices for one in found]
     assert there[0] in (parts.effects[effect].indices, mirror)
     assert parts.effects[effect].indices in there
-    assert mirror in there  # whichever was found first, the other is fitted from it
+    assert mirror in there
     assert {parts.effects[one.effect].key for one in found} == {key}
     assert np.all(abs(found[0].sizes - truth) < 4 * found[0].errors)
     assert np.all(found[0].known)
+
+
+def test_the_mirror_image_is_told_whatever_its_odds() -> None:
+    """At a chance that leaves the likeliest part alone."""
+    own, (errors, noise) = lot_at_light_load(), drawn(1)
+    parts = own.simulator.parts
+    errors[:, parts.effect == 0] = (0.04, -0.03)
+    first, *others = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), 0.99)
+    (mirror,) = [parts.effects[one.effect] for one in others]
+    assert mirror.key == parts.effects[first.effect].key
+    assert mirror.indices == {name: 1 - int(at) for name, at in parts.effects[first.effect].indices.items()}
 
 
 def test_a_unit_is_named_with_its_part_and_with_those_that_do_the_same() -> None:

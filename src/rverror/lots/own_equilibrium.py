@@ -244,15 +244,18 @@ class OwnEquilibrium:
         ranked, needed = sorted(fits, key=lambda one: -one.gain), -2 * math.log(chance)
         if not ranked or ranked[0].gain < needed * member.misfit:
             return ()
-        effects = self.simulator.parts.effects
-        first = effects[ranked[0].effect]
+        mirrored = self._mirrored(ranked[0].effect)
+        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.misfit or one.effect in mirrored)
 
-        def is_mirrored(one: GrossError) -> bool:
-            """Tell whether it is of the mirror image, which differs by what contacts do alone."""
-            other = effects[one.effect]
-            return other.key == first.key and all(other.indices[name] != at for name, at in first.indices.items())
-
-        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.misfit or is_mirrored(one))
+    def _mirrored(self, number: int) -> list[int]:
+        """Mirror images of a part: other crank and other disc, which only contacts distinguish."""
+        process, effects = self._process_of_effect[number], self.simulator.parts.effects
+        places = {name: at for name, at in effects[number].indices.items() if name not in process.indices}
+        return [
+            other
+            for other, one in enumerate(self._process_of_effect)
+            if one is process and all(effects[other].indices[name] != at for name, at in places.items())
+        ]
 
     def _member(self, values: Array, usual: Prior, enough: float) -> FittedUnit | None:
         """The nearest member of all starts, or the first that is near enough.
