@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import example, given, settings, strategies as st
 
 import rverror
@@ -448,6 +449,16 @@ def test_the_noise_is_searched_through_holes() -> None:
     residual[place:] += 1.5 * ARCSEC
     (slip,) = find_faults(THETA[have], residual, residual=True).slips
     assert abs(slip.index - place) < 15
+
+
+def test_a_hole_makes_no_fault_of_noise_that_swings() -> None:
+    """What is missing is what the noise before predicts, the nearest sample first."""
+    rng = np.random.default_rng(3)
+    swinging = scipy.signal.lfilter([1.0], [1.0, -1.2, 0.8], rng.normal(0, 0.1 * ARCSEC, N))
+    have = np.sort(rng.choice(N, N - 200, replace=False))
+    found = find_faults(THETA[have], swinging[have], residual=True)
+    assert found.slips == ()
+    assert not found.spikes.size
 
 
 def test_doubled_rows() -> None:

@@ -143,6 +143,29 @@ def test_hours_and_coefficient_can_be_interchanged() -> None:
     np.testing.assert_allclose(first.lost_motion, second.lost_motion, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("joint", "key", "count"),
+    [
+        ("cam_bearing", "crank.bearing_clearance", 1),
+        ("carrier_bearing", "coupling.bearing_clearance", 1),
+        ("spline", "involute.spline_clearance", UNIT.cranks),
+    ],
+)
+def test_a_joint_alone_gains_what_it_gains_beside_others(joint: str, key: str, count: int) -> None:
+    gains = {"cam_bearing": 1e-13, "carrier_bearing": 3e-13, "spline": 5e-13}
+    alone, all_of_them = (
+        wear(
+            NEW, torque=TORQUE, input_speed=SPEED, hours=[0, 1], direction=1.0, disc_width=DISC, gear_width=GEAR,
+            coefficients=WearCoefficients(**some),
+        ).effects
+        for some in ({joint: gains[joint]}, gains)
+    )  # fmt: skip
+    assert [effect.key for effect in alone] == [key] * count
+    expected = [effect.values for effect in all_of_them if effect.key == key]
+    np.testing.assert_allclose([effect.values for effect in alone], expected, rtol=1e-3)
+    assert np.all(np.array(expected) > 0)
+
+
 def test_little_wear_is_proportional_to_time_and_none_is_none() -> None:
     found = worn(hours=[1, 2], disc=1e-16)
     np.testing.assert_allclose(

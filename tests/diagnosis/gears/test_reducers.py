@@ -77,6 +77,7 @@ def test_one_turn_each_way_names_the_cause_and_says_the_stiffness(usual: Diagnos
     found = usual
     assert found.verdict == "explained"
     the_cam_is_named(found)
+    assert found.added[0].orders == (16.0,)  # the crank's
     assert found.before.heldout_rms > 0.999 * found.before_refitted.heldout_rms
     assert found.before_refitted.heldout_rms > 3 * found.after.heldout_rms
     soft = {e.name: e for e in found.elastic}
