@@ -84,6 +84,14 @@ def test_travel_passed_again_and_again_is_compensated_slow_things_too() -> None:
     assert made.after.rms < 0.4 * ARCSEC
 
 
+def test_noise_alone_over_travel_that_is_passed_again_and_again_is_not_compensated() -> None:
+    """1 % of runs may; of 60 more than 3 are that in one of 3000 trials."""
+    there = np.linspace(0, 0.7, 100)
+    theta = np.concatenate([np.concatenate([there, there[::-1]]) for _ in range(6)])
+    runs = [rverror.run_from_arrays(input_angle=20 * theta, te=red(seed, theta.size, 1.0, 0.7)) for seed in range(60)]
+    assert sum(rverror.compensate(DRIVE, [run]).worth for run in runs) <= 3
+
+
 def test_orders_onto_which_the_mesh_folds_are_left_out() -> None:
     """At 256 samples a turn the gear mesh of the small unit folds; a table made of that would err between samples."""
     mesh = 27 * 16.0
