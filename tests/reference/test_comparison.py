@@ -125,6 +125,9 @@ def test_other_angles_are_interpolated_and_told(theta):
     assert any("interpolated by a cubic spline" in note for note in found.notes)
     assert found.rms < 5e-4 * found.case_rms
     assert found.offset == pytest.approx(300 * ARCSEC, abs=0.01 * ARCSEC)
+    # de Boor's bound for a spline that closes; one whose end is none errs by the square of the step there
+    step = 1.5 * np.diff(theta)[0]
+    assert abs(found.largest) < 5 / 384 * step**4 * sum(abs(size) * order**4 for order, size, _ in LINES) * ARCSEC
 
 
 def test_the_mean_of_several_turns_is_compared():
