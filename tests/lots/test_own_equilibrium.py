@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +16,9 @@ from rverror.base.arrays import Array
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import Amplitudes, Condition
-from rverror.lots.own_equilibrium import OwnEquilibrium, Prior, nearest
+from rverror.lots.own_equilibrium import GrossError, OwnEquilibrium, Prior, nearest
 from rverror.lots.processes import UnitParts, processes_of
-from rverror.lots.simulated import COMPLIANCES, Simulator, SolvedUnit, State
+from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, SolvedUnit, State
 from rverror.model.effects import Model
 
 CAM, BORE, PIN = "crank.eccentricity", "cycloid.disc_bore_position", "cycloid.pin_position"
@@ -80,6 +83,130 @@ def drawn(count: int) -> tuple[Array, Array]:
 def measured(errors: Array, noise: Array, compliance: float = 0.0) -> Array:
     simulator = lot_at_light_load().simulator
     return simulator.values(State(np.ones(len(DEVIATION)), np.full(COMPLIANCES, compliance)), errors) + noise
+
+
+@dataclass(frozen=True)
+class LinearSimulator:
+    """Units whose amplitudes are sums of what each error makes."""
+
+    parts: UnitParts
+    influence: Array
+
+    def linearised_at(self, state: State, root: Array) -> Solve:
+        return lambda errors: SolvedUnit(errors @ self.influence, self.influence)
+
+
+@dataclass(frozen=True)
+class LinearLot:
+    """A lot of such units: under each hypothesis amplitudes are normal, with a covariance of their own."""
+
+    own: OwnEquilibrium
+    values: Array
+    influence: Array
+    part: int = 1  # that is gross
+
+    def spread(self, gross: int | None = None) -> Array:
+        """Of the errors of a unit, or of one of which an effect may be of any plausible size."""
+        parts, state = self.own.simulator.parts, self.own.state
+        usual, wide = state.deviation[parts.process], np.array([p.plausible for p in parts.parameters])
+        return np.concatenate([np.where(parts.effect == gross, wide, usual), np.ones(COMPLIANCES)])
+
+    def covariance(self, spread: Array) -> Array:
+        slopes = (self.influence * spread[:, None]).T
+        return np.eye(self.values.size) + slopes @ slopes.T
+
+    def density(self, gross: int | None = None) -> float:
+        """Minus twice the logarithm of the density of the amplitudes, but for a constant."""
+        covariance = self.covariance(self.spread(gross))
+        return float(self.values @ np.linalg.solve(covariance, self.values) + np.linalg.slogdet(covariance)[1])
+
+    def misfit(self, gross: int | None = None) -> float:
+        covariance = self.covariance(self.spread(gross))
+        return max(1.0, float(self.values @ np.linalg.solve(covariance, self.values)) / self.values.size)
+
+    def found(self, chance: float) -> tuple[GrossError, ...]:
+        return self.own.gross_errors(self.values, np.zeros(len(self.own.simulator.parts.process)), chance)
+
+
+@cache
+def linear_lot() -> LinearLot:
+    """Its model lacks noise of the size of the scatter; of the gross part one parameter hardly shows."""
+    rng, lot = np.random.default_rng(5), lot_at_light_load()
+    parts = lot.simulator.parts
+    influence = rng.standard_normal((len(parts.process) + COMPLIANCES, 24)) * 2e3
+    influence[-COMPLIANCES:] *= 1e-4
+    gross = np.flatnonzero(parts.effect == LinearLot.part)
+    influence[gross[1]] *= 1e-5
+    own = replace(lot, simulator=LinearSimulator(parts, influence))  # type: ignore[arg-type]
+    errors = spread() * rng.standard_normal(len(spread()))
+    errors[gross[0]] = 0.08
+    return LinearLot(own, errors @ influence[: len(errors)] + 35 * rng.standard_normal(24), influence)
+
+
+def test_of_linear_units_the_gain_is_that_of_two_normal_densities() -> None:
+    """Less twice the logarithm of how many kinds and parts of the kind there are."""
+    lot = linear_lot()
+    process = [p for p in lot.own.simulator.parts.processes for _ in p.instances][lot.part]
+    odds = lot.density() - lot.density(lot.part) - 2 * math.log(len(DEVIATION) * len(process.instances))
+    first, *_ = lot.found(0.01)
+    assert first.effect == lot.part
+    assert first.gain == pytest.approx(odds, rel=1e-6)
+    assert first.misfit == pytest.approx(lot.misfit(lot.part), rel=1e-6)
+    assert first.misfit > 1.1
+
+
+def test_of_linear_units_sizes_are_conditional_means_with_errors_as_much_larger_as_the_model_lacks() -> None:
+    lot = linear_lot()
+    parts, spread_of = lot.own.simulator.parts, lot.spread(lot.part)
+    at = np.concatenate([parts.effect, np.full(COMPLIANCES, -1)]) == lot.part
+    gain = (spread_of**2)[at, None] * lot.influence[at] @ np.linalg.inv(lot.covariance(spread_of))
+    left = (spread_of**2)[at] - np.einsum("pd,pd->p", gain, (spread_of**2)[at, None] * lot.influence[at])
+    first, *_ = lot.found(0.01)
+    assert first.sizes == pytest.approx(gain @ lot.values, rel=1e-5, abs=1e-6)
+    assert first.errors == pytest.approx(np.sqrt(left * lot.misfit(lot.part)), rel=1e-6)
+    assert first.known.tolist() == [True, False]
+    assert (left / (spread_of**2)[at] < 0.5).tolist() == [True, False]
+
+
+def test_a_gross_error_is_told_from_the_odds_on_that_the_chance_asks_for() -> None:
+    """Counted in units of what the model lacks of a member, and rivals in units of what it lacks of them."""
+    lot = linear_lot()
+    first, *_ = lot.found(0.01)
+    least = math.exp(-first.gain / 2 / lot.misfit())
+    assert lot.found(1.1 * least)
+    assert not lot.found(0.9 * least)
+    few = [n for n, p in enumerate(p for p in lot.own.simulator.parts.processes for _ in p.instances) if p.key != PIN]
+    other = min((n for n in few if n != lot.part), key=lot.density)
+    ahead = math.exp(-(lot.density(other) - lot.density(lot.part)) / 2 / lot.misfit(other))
+    named = [{one.effect for one in lot.found(chance)} for chance in (0.9 * ahead, 1.1 * ahead)]
+    assert other in named[0]
+    assert other not in named[1]
+
+
+def test_the_farthest_units_of_many_are_fitted_and_have_intervals_of_95_percent() -> None:
+    lot = linear_lot()
+    members = np.random.default_rng(1).standard_normal((21, lot.values.size))
+    values, far = np.concatenate([lot.values[None], members]), np.arange(22.0)[::-1]
+    serials = [f"unit {number}" for number in range(22)]
+    middle = np.zeros((22, len(lot.own.simulator.parts.process)))
+    (found,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.01)
+    assert found.serial == "unit 0"
+    first, *_ = lot.found(0.01)
+    (shift,) = found.causes
+    assert shift.size.value == pytest.approx(first.sizes[0])
+    assert shift.size.high - shift.size.value == pytest.approx(1.96 * first.errors[0])
+    assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.01)  # it is the nearest now
+
+
+def test_errors_of_an_estimate_are_no_gross_errors() -> None:
+    """A variance of 4 um^2 that may as well be 9."""
+    lot, soft = lot_at_light_load(), np.diag(np.arange(1.0, 10.0)) ** 2
+    estimate = SimpleNamespace(
+        state=State(np.full(3, 2e-3), np.zeros(COMPLIANCES)), variance_error=5e-6, covariance=soft
+    )
+    own = OwnEquilibrium.of(lot.simulator, estimate)  # type: ignore[arg-type]
+    assert own.state.deviation == pytest.approx(3e-3)
+    assert own.root @ own.root.T == pytest.approx(soft[-COMPLIANCES:, -COMPLIANCES:])
 
 
 def test_members_are_no_farther_than_they_are_made() -> None:
