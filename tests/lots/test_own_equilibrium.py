@@ -130,13 +130,15 @@ class LinearLot:
 
 @cache
 def linear_lot() -> LinearLot:
-    """Its model lacks noise of the size of the scatter; of the gross part one parameter hardly shows."""
+    """Its model lacks noise of the size of the scatter; of the gross part one parameter hardly shows, and
+    another part does nearly the same."""
     rng, lot = np.random.default_rng(5), lot_at_light_load()
     parts = lot.simulator.parts
     influence = rng.standard_normal((len(parts.process) + COMPLIANCES, 24)) * 2e3
     influence[-COMPLIANCES:] *= 1e-4
     gross = np.flatnonzero(parts.effect == LinearLot.part)
     influence[gross[1]] *= 1e-5
+    influence[np.flatnonzero(parts.effect == 5)[0]] += 3 * influence[gross[0]]
     own = replace(lot, simulator=LinearSimulator(parts, influence))  # type: ignore[arg-type]
     errors = spread() * rng.standard_normal(len(spread()))
     errors[gross[0]] = 0.08
