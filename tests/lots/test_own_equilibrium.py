@@ -185,19 +185,22 @@ def test_a_gross_error_is_told_from_the_odds_on_that_the_chance_asks_for() -> No
     assert other not in named[1]
 
 
-def test_the_farthest_units_of_many_are_fitted_and_have_intervals_of_95_percent() -> None:
+def test_of_the_farthest_units_a_part_is_told_with_its_interval_or_several_kinds_without_a_cause() -> None:
     lot = linear_lot()
     members = np.random.default_rng(1).standard_normal((21, lot.values.size))
     values, far = np.concatenate([lot.values[None], members]), np.arange(22.0)[::-1]
     serials = [f"unit {number}" for number in range(22)]
     middle = np.zeros((22, len(lot.own.simulator.parts.process)))
-    (found,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.01)
-    assert found.serial == "unit 0"
-    first, *_ = lot.found(0.01)
+    (unclear,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.01)
+    assert unclear.serial == "unit 0"
+    assert unclear.causes == ()  # a cam or a bore
+    assert {name.split(" ")[0] for name in unclear.rivals} == {CAM, BORE}
+    (found,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.3)
+    first, *_ = lot.found(0.3)
     (shift,) = found.causes
     assert shift.size.value == pytest.approx(first.sizes[0])
     assert shift.size.high - shift.size.value == pytest.approx(1.96 * first.errors[0])
-    assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.01)  # it is the nearest now
+    assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.3)  # it is the nearest now
 
 
 def test_errors_of_an_estimate_are_no_gross_errors() -> None:
