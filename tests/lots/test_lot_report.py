@@ -19,7 +19,7 @@ from every_kind import HOSTILE, MODEL, lot
 from rverror import to_html, to_json, to_text
 from rverror.base.units import ARCSEC
 from rverror.lots.as_made import tolerances_as_made
-from rverror.lots.result import Interval, Lot, MadeBy, Shift
+from rverror.lots.result import Interval, Lot, MadeBy, Outsider, Shift
 from rverror.views import to_csv
 from stack_covariance import of_stack
 
@@ -65,6 +65,16 @@ def test_a_lot_that_the_model_does_not_describe_is_told_so() -> None:
     told = to_text(replace(EMPTY, chance=1e-5))
     assert "The model lacks something" in told
     assert "<strong>The model lacks something</strong>" in to_html(replace(EMPTY, chance=1e-5))
+
+
+def test_a_unit_with_a_gross_error_of_several_kinds_has_no_cause_and_they_are_named() -> None:
+    unit = Outsider("7", 50.0, 1e-9, (), ("crank.eccentricity (crank 0)", "cycloid.disc_bore_position"))
+    one = replace(EMPTY, outsiders=(unit,))
+    told = " ".join(to_text(one).split())
+    assert f"Unit 7 has a gross error of one of these: {', '.join(unit.rivals)}." in told
+    assert "fit as well" not in told
+    (data,) = to_json(one)["outliers"]
+    assert (data["added"], data["one_of"]) == ([], list(unit.rivals))
 
 
 def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:

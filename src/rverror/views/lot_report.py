@@ -130,6 +130,7 @@ def _lot_content(result: Lot) -> dict[str, Any]:
             {
                 **entry(one, unit="serial", distance=NUMBER, chance=NUMBER),
                 "added": _added(one.causes, one.rivals),
+                "one_of": [] if one.causes else list(one.rivals),
                 "diagnosis": (own := one.diagnosis) and {"verdict": own.verdict, "added": added_json(own)},
             }
             for one in result.outsiders
@@ -223,11 +224,13 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
     if unseen:
         yield f"These conditions do not show {', '.join(unseen)}."
     found: list[tuple[str, Sequence[str]]] = [
-        *((f"unit {one.serial}", one.rivals) for one in lot.outsiders),
+        *((f"unit {one.serial}", one.rivals) for one in lot.outsiders if one.causes),
         *((f"{one.label} {one.value}", one.rivals) for one in lot.differences),
         *((f"change since {one.since}", one.rivals) for one in lot.changes),
     ]
     yield from (f"For {what} these fit as well: {', '.join(others)}." for what, others in found if others)
+    unclear = [one for one in lot.outsiders if one.rivals and not one.causes]
+    yield from (f"Unit {one.serial} has a gross error of one of these: {', '.join(one.rivals)}." for one in unclear)
     yield from _diagnosed(lot)
     looked: dict[str, Sequence[object]] = {"units that do not belong to the lot": lot.outsiders}
     if lot.marked:
