@@ -451,11 +451,13 @@ def test_the_noise_is_searched_through_holes() -> None:
     assert abs(slip.index - place) < 15
 
 
-def test_a_hole_makes_no_fault_of_noise_that_swings() -> None:
-    """What is missing is what the noise before predicts, the nearest sample first."""
+@pytest.mark.parametrize("missing", [200, 600])
+@pytest.mark.parametrize("memory", [(1.2, -0.8), (1.9, -0.95), (0.9,)])
+def test_a_hole_makes_no_fault_of_noise_that_swings(memory: tuple[float, ...], missing: int) -> None:
+    """A missing sample is an unknown, and the noise is no whiter for it."""
     rng = np.random.default_rng(3)
-    swinging = scipy.signal.lfilter([1.0], [1.0, -1.2, 0.8], rng.normal(0, 0.1 * ARCSEC, N))
-    have = np.sort(rng.choice(N, N - 200, replace=False))
+    swinging = scipy.signal.lfilter([1.0], [1.0, *(-c for c in memory)], rng.normal(0, 0.1 * ARCSEC, N))
+    have = np.sort(rng.choice(N, N - missing, replace=False))
     found = find_faults(THETA[have], swinging[have], residual=True)
     assert found.slips == ()
     assert not found.spikes.size

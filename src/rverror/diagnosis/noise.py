@@ -32,7 +32,7 @@ _BELOW_FAR = 1 - 2**-_FAR  # mean of what is cut there, of its mean: noise has a
 
 def noise_of(
     residual: Array, kept: Flags, fitted: float, *, floor: float, calm: bool = False, by_criterion: bool = False,
-    parts: Sequence[slice] = (),
+    parts: Sequence[slice] = (), white: bool = False,
 ) -> RunNoise:  # fmt: skip
     """Noise of a residual, robust against lines and bends that no model has explained yet.
 
@@ -56,6 +56,9 @@ def noise_of(
         but noise is left, a random walk beside it as far as that is likelier by the same criterion.
     parts : sequence of slice
         Stretches on which what no model explains yet is regular, each by itself; the whole where there are none.
+    white : bool
+        Whether it has no memory as long as more than noise may be left: a memory takes up a wave of which the run holds
+        a bow.
     """
     n = residual.size
     used = float(kept.sum())
@@ -68,7 +71,8 @@ def noise_of(
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
-    count, found = max(min(_MOST_LAGS, least // 64), min(4, least // 20)), RunNoise(np.zeros(0), 1.0)
+    count = 0 if white else max(min(_MOST_LAGS, least // 64), min(4, least // 20))
+    found = RunNoise(np.zeros(0), 1.0)
     for _ in range(_ROUNDS):
         correlation = np.zeros(count + 1)
         for piece, (frequency, power) in zip(pieces, spectra, strict=True):

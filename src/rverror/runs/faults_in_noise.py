@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.chance import chi_square
@@ -32,6 +33,8 @@ _BLOCK = 1024
 _WILD = 2.0
 # White noise that is there in any case, of the power: all of a clean run may be predicted.
 _TINY = 1e-9
+# Times that the noise is estimated where samples are missing, each time with what the last one makes of them.
+_FILLED = 4
 # Samples over which scatter is told, and by how much it exceeds the usual where that is no chance.
 _NEAR = 512
 _LOUDER = 1.15
@@ -149,7 +152,9 @@ def _noises(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> li
 
 @dataclass(frozen=True, eq=False)
 class _Whitened:
-    """Innovations of the residual, of a constant and of a trend, in units of their scatter; 0 where no sample is.
+    """Innovations of the residual, of a constant and of a trend, in units of their scatter.
+
+    A missing sample is an unknown: what any value of it could make is taken out.
 
     Attributes
     ----------
@@ -159,6 +164,8 @@ class _Whitened:
         Scatter near each sample where it is more than usual, else 1.
     filter : ndarray, shape (lags + 1,)
         What makes the innovations of the residual.
+    made : sparse matrix, shape (n, n)
+        Innovations that a value of one makes, in the column of its sample.
     """
 
     values: Array
@@ -167,30 +174,53 @@ class _Whitened:
     good: Flags
     louder: Array
     filter: Array
+    made: scipy.sparse.csc_array
+
+    def squares(self, columns: scipy.sparse.csc_array) -> Array:
+        """Squares of columns of innovations, less what missing samples could make of each, shape (n,)."""
+        result = np.asarray(columns.power(2).sum(axis=0), dtype=np.float64)
+        missing, reach = np.flatnonzero(~self.good), 4 * self.filter.size
+        for first in range(0, self.good.size, _NEAR):
+            near = missing[(missing > first - reach) & (missing < first + _NEAR + reach)]
+            if near.size:
+                unknown = self.made[:, near]
+                shared = (unknown.T @ columns[:, first : first + _NEAR]).toarray()
+                own = (unknown.T @ unknown).toarray()
+                result[first : first + _NEAR] -= np.sum(shared * np.linalg.solve(own, shared), axis=0)
+        return result
 
 
 def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> _Whitened:
-    noises = _noises(values, good, pieces)
-    lags = len(noises) - 1
-    rows = np.stack([values, np.ones(values.size), np.linspace(-1, 1, values.size)])
-    out = np.zeros_like(rows)
-    for first, last in pieces:
-        part = rows[:, first:last].copy()
-        for k in np.flatnonzero(~good[first:last]).tolist():
-            p = min(k, lags)  # a hole holds what its past predicts, so that it adds nothing
-            part[:, k] = part[:, k - p : k] @ noises[p].coefficients[::-1]
-        for row, into in zip(part, out[:, first:last], strict=True):
-            into[:] = np.convolve(row, noises[lags].filter)[: row.size]
-        for k in range(min(lags, last - first)):  # the first samples have a shorter past
-            out[:, first + k] = part[:, k::-1] @ noises[k].filter
-    out[:, ~good] = 0.0
-    have = np.flatnonzero(good)
-    near, usual = blockwise(out[0, have], _NEAR, scatter_of_changes)
+    missing = np.flatnonzero(~good)
+    about = np.where(good, values - values[good].mean(), 0.0)
+    rows = np.stack([about, np.ones(values.size), np.linspace(-1, 1, values.size)], axis=1)
+    known = good
+    for _ in range(_FILLED if missing.size else 1):
+        noises = _noises(rows[:, 0], known, pieces)
+        made = scipy.sparse.block_diag([_filters(noises, last - first) for first, last in pieces], format="csc")
+        if missing.size:
+            unknown = made[:, missing]
+            own = scipy.sparse.linalg.splu((unknown.T @ unknown).tocsc())
+            rows[missing] -= own.solve(unknown.T @ (made @ rows))
+            known = np.ones_like(good)
+    rows = made @ rows
+    near, usual = blockwise(rows[good, 0], _NEAR, scatter_of_changes)
     usual = usual or 1.0
     louder = np.where(near > _LOUDER * usual, near / usual, 1.0)
-    at = np.minimum(np.searchsorted(have, np.arange(good.size)), have.size - 1)
-    out /= usual
-    return _Whitened(out[0], out[1], out[2], good, louder[at], noises[lags].filter / usual)
+    at = np.minimum(np.cumsum(good) - good, louder.size - 1)
+    out = np.ascontiguousarray(rows.T / usual)
+    return _Whitened(out[0], out[1], out[2], good, louder[at], noises[-1].filter / usual, made / usual)
+
+
+def _filters(noises: Sequence[RunNoise], samples: int) -> scipy.sparse.csc_array:
+    """Matrix that makes innovations of a series; its first samples have a shorter past."""
+    last = noises[-1].filter
+    matrix = scipy.sparse.diags_array(
+        [np.full(samples, tap) for tap in last], offsets=-np.arange(last.size), shape=(samples, samples), format="lil"
+    )
+    for k, noise in enumerate(noises[: min(last.size - 1, samples)]):
+        matrix[k, : k + 1] = noise.filter[::-1]
+    return matrix.tocsc()
 
 
 # --- the likelihood ratios --------------------------------------------------------------------------------------------
@@ -221,20 +251,21 @@ class _Scores:
 def _spike_scores(white: _Whitened, tests: int) -> _Scores:
     """Bursts that begin at each sample, of the length that stands out most."""
     n = white.values.size
-    good = white.good.astype(np.float64)
     level = np.zeros(n)
     power = _near(white.level**2, BOUNDS.reach)
     np.divide(_near(white.level * white.values, BOUNDS.reach), power, out=level, where=power > 0)
     about = white.values - level * white.level
     best = _Scores(np.zeros(n), np.ones(n), np.zeros(n), 1.0, np.ones(n, dtype=np.intp))
+    columns = scipy.sparse.csc_array((n, n))
     for length in range(1, BOUNDS.longest_burst + 1):
         chance = BOUNDS.spike_chance if length == 1 else BOUNDS.burst_chance / (BOUNDS.longest_burst - 1)
         threshold = math.sqrt(chi_square(chance / tests, 1))
         kernel = np.convolve(white.filter, np.ones(length))
-        power = _ahead(good, kernel * kernel)
+        columns = columns + white.made @ scipy.sparse.eye_array(n, k=1 - length, format="csc")
+        power = white.squares(columns)
         sure = white.good & (power > 0.25 * float(kernel @ kernel))
         power = np.where(sure, power, 1.0)
-        size = np.where(sure, _ahead(about, kernel) / power, 0.0)
+        size = np.where(sure, columns.T @ about / power, 0.0)
         spread = white.louder / np.sqrt(power)
         score = np.abs(size) / spread / threshold
         better = score > best.score

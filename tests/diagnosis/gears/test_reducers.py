@@ -102,11 +102,13 @@ def test_other_stiffness_alone_is_no_missing_error() -> None:
     assert found.added == found.unexplained == ()
 
 
-@pytest.mark.parametrize(("start", "turns"), [(1.0, 0.4), (4.0, 10 / 360)])
-def test_a_part_of_a_turn_is_diagnosed_from_anywhere(start: float, turns: float) -> None:
+@pytest.mark.parametrize(
+    ("start", "turns", "seed"), [(1.0, 0.4, 1), (4.0, 10 / 360, 1), (4.0, 10 / 360, 2), (4.0, 10 / 360, 6)]
+)
+def test_a_part_of_a_turn_is_diagnosed_from_anywhere(start: float, turns: float, seed: int) -> None:
     """0.4 of a turn names the cam; ten degrees hold a bit less than half a turn of the crank, and say less."""
     points = 4096 if turns < 0.1 else 2048
-    runs = runs_of(TRUE, points=points, turns=turns, start=start, seed=1)
+    runs = runs_of(TRUE, points=points, turns=turns, start=start, seed=seed)
     found = rverror.diagnose(BARE, runs, policy=NEIGHBOURS)
     assert any("alike over a short travel" in note for note in found.notes)
     if turns > 0.1:

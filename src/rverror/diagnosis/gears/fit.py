@@ -34,6 +34,7 @@ from rverror.diagnosis.noise import noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
+from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import BACKLASH_SPREAD, LAW_SPREAD, Mechanism, Reducer
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
@@ -176,6 +177,12 @@ class RunSet:
     def settles(self) -> bool:
         """Whether all runs are long enough to tell drift and settling from an encoder's error."""
         return self.sampled and all(r.turns > self.policy.least_cycles for r in self.records)
+
+    def within_a_wave(self, record: Record) -> bool:
+        """Tell whether a run holds less than half a turn of the crank: its wave is then a bow, as noise with memory
+        makes."""
+        reducer = self.sampled and not self.linear
+        return reducer and 2 * record.turns * fundamental_orders(self.gears)["crank"] < 1
 
     def framed(self, order: float, apart: float) -> bool:
         """Tell whether an order is that of a part, or lies nearer to one than so much."""
@@ -623,7 +630,16 @@ def with_estimated_noise(fit: Fit, *, calm: bool = False) -> Fit:
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
     noises = [
-        noise_of(rest, r.kept, share, floor=floor, calm=calm, by_criterion=fit.run_set.linear, parts=r.sides)
+        noise_of(
+            rest,
+            r.kept,
+            share,
+            floor=floor,
+            calm=calm,
+            by_criterion=fit.run_set.linear,
+            parts=r.sides,
+            white=fit.run_set.within_a_wave(r),
+        )
         for r, rest, share in three
     ]
     return _with_noises(fit, noises)
@@ -656,7 +672,12 @@ def first_state(run_set: RunSet, model: Model, declared: Model) -> Fit:
         replace(
             r,
             noise=noise_of(
-                r.told_as_noise(r.error), r.kept, len(r.nuisance), floor=run_set.policy.model_error, parts=r.sides
+                r.told_as_noise(r.error),
+                r.kept,
+                len(r.nuisance),
+                floor=run_set.policy.model_error,
+                parts=r.sides,
+                white=run_set.within_a_wave(r),
             ),
         )
         for r in run_set.records
