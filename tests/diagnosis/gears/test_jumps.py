@@ -114,6 +114,28 @@ def test_what_a_jump_gains_by_moving_is_left_out_and_all_else_counts(turns: floa
     assert (fall(before, after) > 10) == (better > 0)
 
 
+def test_a_jump_that_moves_with_a_line_is_left_out_too() -> None:
+    """The set with the line has it as a row of any size: of the samples that are left it takes the same off."""
+    first = started(1.0)
+    (record,) = first.run_set.records
+    lined = replace(record, orders=(23.37,))
+    turn = np.arange(record.theta.size)
+    jump = 4 * ARCSEC * np.exp(-turn / 1000)
+    measured = record.error + np.where(turn >= 1000, jump, 0.0) + 0.08 * ARCSEC * np.cos(23.37 * record.theta)
+    before = seen(first, measured, np.where(turn >= 1001, jump, 0.0))
+    after = seen(
+        replace(first, run_set=first.run_set.with_records([lined])), measured, np.where(turn >= 1000, jump, 0.0)
+    )
+    kept = record.kept & (turn != 1000)
+    white = [
+        np.sum(replace(one, kept=kept).whiten(fit.residual[0][None]) ** 2)
+        for one, fit in ((record, before), (lined, after))
+    ]
+    assert before.data < before.bound
+    assert fall(before, after) == pytest.approx(white[0] - white[1], rel=1e-6)
+    assert before.objective - after.objective > fall(before, after) + 40
+
+
 def test_what_differs_elsewhere_is_no_jump_that_moved() -> None:
     """One spike less, where no prediction jumps."""
     first = started(1.0)

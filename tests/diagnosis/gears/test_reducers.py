@@ -92,8 +92,16 @@ def test_one_turn_each_way_names_the_cause_and_says_the_stiffness(usual: Diagnos
 def test_a_search_that_ends_before_it_has_found_anything_says_so(usual: Diagnosis) -> None:
     found = rverror.diagnose(BARE, runs_of(TRUE), policy=replace(POLICY, budget=-1))
     assert (found.verdict, found.added) == ("unexplained", ())
-    assert [note for note in found.notes if "ended at its budget of -1" in note]
+    (note,) = [note for note in found.notes if "ended at its budget of -1" in note]
+    assert "may find more" in note
     assert not [note for note in usual.notes if "budget" in note]
+
+
+def test_a_cause_whose_rivals_were_beyond_the_budget_says_so() -> None:
+    found = rverror.diagnose(BARE, runs_of(TRUE), policy=replace(NEIGHBOURS, budget=0))
+    assert found.verdict == "explained"
+    (note,) = [note for note in found.notes if "ended at its budget of 0" in note]
+    assert "rivals may fit as well" in note
 
 
 def test_other_stiffness_alone_is_no_missing_error() -> None:

@@ -371,6 +371,9 @@ def test_what_settles_is_told_though_the_model_s_error_about_a_large_cause_is_la
     assert search.complete(settling)
     assert search.pruned(settling).slow
     assert search.score.better(settling, one)
+    full = search_of(fit, [CAM.key, HEAD.key], most_effects=1)
+    sizes = {len(trial.added) for trial in full.challengers(settling)}
+    assert sizes == {1}  # what stands in the place of settling is one cause more only where there is room
 
 
 @pytest.mark.parametrize(("share", "looked"), [(1.05, False), (1.5, True)])

@@ -11,8 +11,9 @@ import math
 
 import numpy as np
 
-from rverror.base.arrays import Flags
+from rverror.base.arrays import Array, Flags
 from rverror.diagnosis.gears.fit import Fit
+from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.waveform import Waveform
 
 _BY_NOISE = 4.0  # standard deviations: noise goes beyond once in 16,000 values
@@ -50,23 +51,33 @@ def fall(before: Fit, after: Fit) -> float:
     Parameters
     ----------
     before, after : Fit
-        Of the same runs.  Where not every sample is looked at, as in a table of orders, or nothing jumps, nothing is
-        left out.
+        Of the same runs under the same noise.  Where not every sample is looked at, as in a table of orders, or nothing
+        jumps, nothing is left out.
     """
     whole, scale = before.objective - after.objective, max(before.scale, after.scale)
-    records = before.run_set.records
-    if before.run_set.linear or records != after.run_set.records or any(record.noise is None for record in records):
+    both = list(zip(before.run_set.records, after.run_set.records, strict=True))
+    if before.run_set.linear or any(a.noise is None or a.noise is not b.noise or a.kept is not b.kept for a, b in both):
         return whole
-    for number, record in enumerate(records):
+    for number, (less, more) in enumerate(both):
         at = _moved(before, after, number)
         if at.any() and at.mean() < before.run_set.policy.jumped:
-            units = np.zeros((int(at.sum()), at.size))
-            units[np.arange(len(units)), np.flatnonzero(at)] = 1
-            basis = np.linalg.qr(record.whiten(units).T)[0].T
-            white = [record.whiten(fit.residual[number][None])[0] for fit in (before, after)]
-            there = [float(np.sum((basis @ row) ** 2)) for row in white]
+            first = _made_by(less, at)
+            then = first if more is less else _made_by(more, at)
+            there = [_squares(less, before, number, first), _squares(more, after, number, then)]
             whole -= (there[0] - there[1]) / scale
     return whole
+
+
+def _made_by(record: Record, at: Flags) -> Array:
+    """All that some samples of a run can make, whitened: an orthonormal basis, shape (n, k)."""
+    units = np.zeros((int(at.sum()), at.size))
+    units[np.arange(len(units)), np.flatnonzero(at)] = 1
+    return np.linalg.qr(record.whiten(units).T)[0]
+
+
+def _squares(record: Record, fit: Fit, number: int, basis: Array) -> float:
+    """Squares of a residual within a basis."""
+    return float(np.sum((record.whiten(fit.residual[number][None])[0] @ basis) ** 2))
 
 
 def _moved(before: Fit, after: Fit, number: int) -> Flags:

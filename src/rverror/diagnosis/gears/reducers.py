@@ -92,8 +92,9 @@ def diagnose_reducer(
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(with_estimated_noise(fitted_from_coarse(first))), candidates, policy, journal, offsets)
     search, best, done = searched_repeatedly(search)
-    if not done and search.spent > policy.budget:
-        notes.append(f"the search ended at its budget of {policy.budget} solutions; a larger one may find more")
+    if search.spent > policy.budget:
+        beyond = "rivals may fit as well that were not fitted" if done else "a larger one may find more"
+        notes.append(f"the search ended at its budget of {policy.budget} solutions; {beyond}")
     beside = search.opposites(best) if done else []
     if anywhere and done:
         best, more = ripples_apart(search, best)

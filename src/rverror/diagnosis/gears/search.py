@@ -138,13 +138,13 @@ class Search:
         """Race the most promising trials of each number of causes; false where there is none."""
         raced = False
         for size in range(1, self.policy.most_effects + 1):
+            if self.complete(self._leader):
+                break
             trials = self._promising(size)
             if trials:
                 raced, chosen = True, set(map(id, trials))
                 self._queue = [trial for trial in self._queue if id(trial) not in chosen]
                 self._queue += self.race(trials)
-                if self.complete(self._leader):
-                    break
         return raced
 
     def _promising(self, size: int) -> list[Trial]:
@@ -159,7 +159,8 @@ class Search:
         if fits or (not self._rounds and self._width == 1):
             return first
         chosen = set(map(id, first))
-        return first + distinct([t for t in same if not t.taken and id(t) not in chosen], _LOOKED_AT)
+        unsolved = [trial for trial in same if not trial.taken and id(trial) not in chosen]
+        return distinct([*first, *unsolved], len(first) + _LOOKED_AT)
 
     def race(self, trials: Sequence[Trial]) -> list[Trial]:
         """Take trials further, twelve once they are solved and half of them each time; the last are followed to their
@@ -378,8 +379,8 @@ class Search:
         for part in self.parts(one):
             if part.fit.added and self.moves.nearly(part):
                 yield from self.race(list(self.moves.other_places(part)))
-            if one.slow and not part.slow:  # settling was added before causes were tried in its place
-                yield from self.moves.one_more(part)
+            if one.slow and not part.slow and len(part.fit.added) < self.policy.most_effects:
+                yield from self.moves.one_more(part)  # settling was added before causes were tried in its place
 
     def _race_all_places(self, one: Hypothesis) -> bool:
         """Race a complete set of several causes with some in equivalent places at once: one at a time they were swapped
