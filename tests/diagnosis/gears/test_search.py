@@ -178,13 +178,17 @@ def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
     wrong = search.score.of(beside(search.root.fit, TWICE, PLANET))
     assert search.moves.nearly(wrong)
     assert not search.complete(wrong)
-    first = next(search.moves.exchanges(wrong))
+    trials = list(search.moves.exchanges(wrong))
+    first = min(trials, key=lambda trial: trial.score)
     assert {named(e) for e in first.added} == {named(HEAD), named(TWICE)}
     assert first.score < wrong.score
+    kept = [[t for t in trials if named(one) in {named(e) for e in t.added}] for one in (TWICE, PLANET)]
+    assert [len(some) for some in kept] == [len(trials) / 2] * 2  # whatever each promises beside the cause's own step
     search.keep([wrong])
     search.expand_beam()
-    assert (wrong.names, "exchanges") in search.expanded
+    assert (wrong.names, "_exchanges") in search.expanded
     assert (wrong.names, "_other_places") not in search.expanded
+    assert frozenset({named(HEAD), named(TWICE)}) in search.known  # raced at once
 
 
 def test_two_causes_that_fit_as_well_elsewhere_together_are_told() -> None:

@@ -302,17 +302,16 @@ class Moves:
                 yield from self._in_place_of(one, fit, number, [*some, *own])
 
     def exchanges(self, one: Hypothesis) -> Iterator[Trial]:
-        """Another cause in the place of each, by linear steps from the fitted sizes of the others.
+        """Another cause in the place of each, the first by linear steps from the fitted sizes of the others.
 
         Where two of three causes are right, their sizes are nearly so, and the step that replaces the third says more
-        than one that adds a cause to the two: the declared sizes have not moved to make up for it.
+        than one that adds a cause to the two: the declared sizes have not moved to make up for it.  How much better it
+        is than the step of the cause that is there it does not say, so each place has as many trials.
         """
         fit, blocks = self.influences(one)
-        found = list[Trial]()
         for number, effect in enumerate(fit.added):
             own = columns_of(fit, [(effect.key, effect.indices)])
-            found += self._in_place_of(one, fit, number, [*blocks, *own])
-        yield from sorted(found, key=lambda trial: trial.score)[:_OFFERED]
+            yield from self._in_place_of(one, fit, number, [*blocks, *own])[: _OFFERED // len(fit.added)]
 
     def _in_place_of(self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns]) -> list[Trial]:
         """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself
@@ -364,6 +363,11 @@ class Moves:
     def nearly(one: Hypothesis) -> bool:
         """Tell whether a set fits so well that it may only have a cause in a wrong place."""
         return one.fit.data <= _NEARLY * one.fit.bound
+
+    def mostly(self, one: Hypothesis) -> bool:
+        """Tell whether a set nearly fits, or leaves half of what the declared model does at most: that much a cause
+        takes off in the place of its neighbour."""
+        return self.nearly(one) or one.fit.data <= self.root.fit.data / 2
 
     @property
     def _angles(self) -> tuple[float, ...]:

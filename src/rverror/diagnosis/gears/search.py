@@ -331,11 +331,11 @@ class Search:
         moves = self.moves
         if len(one.fit.added) < self.policy.most_effects:
             return [self._one_more, moves.two_more, moves.from_all_starts, self._with_late_line]
-        return [moves.exchanges, self._with_late_line] if moves.nearly(one) else [self._with_late_line]
+        return [self._exchanges, self._with_late_line] if moves.mostly(one) else [self._with_late_line]
 
     def _race_other_places(self, one: Hypothesis) -> bool:
-        """Race a set that nearly fits with its causes elsewhere; of a full one others replace causes instead."""
-        able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.nearly(one)
+        """Race a set that mostly fits with its causes elsewhere; of a full one others replace causes instead."""
+        able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.mostly(one)
         return able and self.expand(one, self._other_places)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
@@ -349,8 +349,12 @@ class Search:
         return True
 
     def _other_places(self, one: Hypothesis) -> Iterator[Trial]:
-        """A set that nearly fits, with its causes in equivalent places or restarted."""
+        """A set that mostly fits, with its causes in equivalent places or restarted."""
         yield from self.race(list(self.moves.other_places(one)))
+
+    def _exchanges(self, one: Hypothesis) -> Iterator[Trial]:
+        """A full set that mostly fits, with another cause in the place of each."""
+        yield from self.race(list(self.moves.exchanges(one)))
 
     def _one_more(self, one: Hypothesis) -> Iterator[Trial]:
         """One cause more; drift and settling, which look like no part of the gears; a line, if nothing is left then."""
