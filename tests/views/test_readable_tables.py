@@ -114,6 +114,16 @@ def test_modes_begin_with_the_lowest_of_the_machine() -> None:
     assert f"Lowest mode of the machine: {lowest:.4g} Hz, mode 3;" in to_text(rest)
 
 
+def test_a_run_up_begins_with_its_error_and_the_speed_of_its_vibration() -> None:
+    found = every_kind()["RunUp"][0]
+    vibration = np.zeros(found.time.size)
+    vibration[[1, 2]] = 3 * ARCSEC, -7 * ARCSEC
+    shaken = replace(found, transmission_error=found.crawl + found.windup + vibration)
+    speed, error = found.speed[2] * 30 / math.pi, np.ptp(shaken.transmission_error) / ARCSEC
+    verdict = f"Peak-to-peak of the error {error:.4g} arcsec; the vibration is largest at {speed:.4g} rpm: 7 arcsec."
+    assert to_text(shaken).splitlines()[1] == verdict
+
+
 def test_a_table_of_links_is_shown_whole() -> None:
     count = MOST_ROWS + 6
     page = as_html(grid(("unit", "state"), [(f"u&{n}", "") for n in range(count)], [f"{n}.html" for n in range(count)]))

@@ -205,8 +205,14 @@ def _run_up_table(result: RunUp) -> Table:
             for name in ("transmission_error", "vibration", "windup")
         },
     }
+    largest = int(np.abs(result.vibration).argmax())
+    vibration, speed = float(np.abs(result.vibration[largest])), float(result.speed[largest])
+    verdict = (
+        f"Peak-to-peak of the error {with_unit(float(np.ptp(result.transmission_error)), 'angle')}",
+        f"; the vibration is largest at {with_unit(speed, 'angular_speed')}: {with_unit(vibration, 'angle')}.",
+    )
     about = {"direction": way(result.direction)}
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
         about["notes"] = f"from {first} s on contacts would have to pull: they open, and the error is no prediction"
-    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))
+    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"), verdict=verdict)

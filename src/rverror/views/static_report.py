@@ -14,7 +14,7 @@ from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyEfficiency, DutyPhase, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
-from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.views.blocks import in_words
 from rverror.views.describing import described
@@ -77,22 +77,35 @@ def _state_table(result: Equilibrium) -> Table:
 
 @described.register
 def _torsion_table(result: TorsionCurve) -> Table:
-    return _over_torque(result, angle=result.angle)
+    return _over_torque(result, ("", ""), angle=result.angle)
 
 
 @described.register
 def _loop_table(result: Hysteresis) -> Table:
-    return _over_torque(result, rising=result.rising, falling=result.falling, width=result.width)
+    return _over_torque(
+        result, _loop_verdict(result), rising=result.rising, falling=result.falling, width=result.width
+    )
 
 
-def _over_torque(result: TorsionCurve | Hysteresis, **turns: Array) -> Table:
+def _loop_verdict(result: Hysteresis) -> tuple[str, str]:
+    """The lost motion as makers read it, where it is known, and where the loop is widest."""
+    width, lost = result.width.mean(axis=1), result.rated_lost_motion
+    widest = int(width.argmax())
+    where = f"{with_unit(width[widest], 'angle')} at {with_unit(result.torque[widest], 'torque')}"
+    if lost is None:
+        return f"Largest width of the loop {where}", "."
+    at = f"at +-{100 * MAKERS_SHARE:g} % of the rated torque"
+    return f"Lost motion {with_unit(lost.mean(), 'angle')}", f" {at}; largest width of the loop {where}."
+
+
+def _over_torque(result: TorsionCurve | Hysteresis, verdict: tuple[str, str], **turns: Array) -> Table:
     """Turns at each torque: their means over the angles of the output, and each."""
     variables = arrays("torque", result, torque=TORQUE)
     for name, turned in turns.items():
         variables |= arrays("torque", turned.mean(axis=1), **{f"mean_{name}": ("", ANGLE)})
         variables |= arrays("torque place", turned, **{name: ("", ANGLE)})
     places = count_of(turned.shape[1], "angle")
-    return Table(variables, title=(f"{places} of the output",))
+    return Table(variables, title=(f"{places} of the output",), verdict=verdict)
 
 
 # --- losses -----------------------------------------------------------------------------------------------------------

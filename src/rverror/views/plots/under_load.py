@@ -15,13 +15,13 @@ from rverror.base.text import describe
 from rverror.statics.duty import duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
-from rverror.statics.rigidity import TorsionCurve, on_its_branch
+from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
 from rverror.views.model_report import ways
 from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, lines, over_angle, shown_unit
 
-_PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
+_PERCENT = 100 * MAKERS_SHARE
 _WITHOUT_TURNING = 7  # bars whose texts fit beside one another
 _ROOM = 1.35  # times the highest bar, with the efficiency written above it
 _MARKS = "os^D"  # one for each kind of contact
@@ -70,7 +70,8 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
     ----------
     found : Hysteresis
     rated : float or str or quantity, optional
-        Rated torque, N*mm: marks the lost motion between +-3 % of it, at the midpoints of the loop's width.
+        Rated torque, N*mm: marks the lost motion between +-3 % of it, at the midpoints of the loop's width.  The
+        reducer's own where left out, as far as the loop reaches.
 
     Raises
     ------
@@ -80,6 +81,8 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
     order = np.argsort(found.torque, kind="stable")
     torque = in_shown_unit(found.torque[order], "torque")
     rising, falling = (in_shown_unit(branch[order].mean(axis=1), "angle") for branch in (found.rising, found.falling))
+    if rated is None and found.rated_lost_motion is not None:
+        rated = found.rated_torque
     lost = _lost_motion(torque, (rising + falling) / 2, rated)
     ax = axes_for(ax, height=5.0)
     ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
