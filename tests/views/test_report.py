@@ -328,7 +328,7 @@ def test_json_holds_all_of_it_in_the_units_of_people() -> None:
     # as comparing arrays makes it
     elastic = tuple(replace(row, determined=np.bool_(row.determined)) for row in ELASTIC)
     rows = strict_json(json.dumps(to_json(replace(diagnosis(), elastic=elastic))))["stiffness"]
-    keys = ("name", "unit", "declared", "value", "low", "high", "told")
+    keys = ("name", "unit", "declared", "value", "low", "high", "determined")
     assert all(tuple(row) == keys for row in rows)
     assert [tuple(row.values()) for row in rows] == [
         ("pin_contact", "N/mm", 2.5e5, 2.25e5, 2e5, 2.5e5, True),

@@ -226,7 +226,6 @@ _SPOKEN = {
     "peak_to_peak": "peak-to-peak",
     "heldout": "held-out",
     "sobol": "Sobol",
-    "told": "determined",
     "theta": "output angle",
     "crawl": "low-speed",
     "pulled": "tensile share,",

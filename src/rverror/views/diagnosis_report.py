@@ -130,7 +130,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             ("elastic_unit", "dimension"),
             name=None,
             **same_unit(OWN, "declared", "value", "low", "high"),
-            told="determined",
+            determined=None,
         ),
         **passports(result.passport, bench),
         **resonances(result.resonances),
@@ -263,7 +263,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = same_unit(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.determined)}
+    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "determined": lambda one: bool(one.determined)}
     return {
         **own,
         "variables": variables,

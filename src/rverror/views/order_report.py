@@ -106,7 +106,7 @@ def _law_json(law: DirectionLaw) -> dict[str, Any]:
     return {
         "direction": way(law.direction),
         **{key: None if part is None else entry(part, unit, **of_part) for key, (part, unit) in parts.items()},
-        **entry(law, **same_unit(None, "cases", "bent", "not_told")),
+        **entry(law, **same_unit(None, "cases", "bent", "not_determined")),
     }
 
 
