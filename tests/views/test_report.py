@@ -577,7 +577,7 @@ def test_each_verdict_has_its_page(result: Outcome) -> None:
         "Nothing missing": replace(bare, verdict="nothing_missing", added=()),
         "Unexplained": replace(bare, verdict="unexplained", added=(), unexplained=(line,)),
     }
-    common = {"What was declared"}
+    common = {"Before and after", "What was declared"}
     for strong, found in pages.items():
         text = to_html(found)
         assert f"<strong>{strong}</strong>" in text

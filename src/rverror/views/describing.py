@@ -97,9 +97,14 @@ def sheet_of(result_table: Table) -> Sheet:
         *((Sentence(rest, strong),) if strong else ()),
         *facts({**_single_numbers(result_table), **result_table.facts}),
         *listed(result_table, result_table.rows),
-        *map(Sentence, result_table.sentences),
+        *(one if isinstance(one, Sentence) else Sentence(one) for one in result_table.sentences),
     )
-    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(result_table, dim)))
+    remarks = {dim: [block for text in said for block in line(text)] for dim, said in result_table.remarks.items()}
+    sections = tuple(
+        block
+        for dim, heading in headings
+        for block in section(heading, *listed(result_table, dim), *remarks.get(dim, ()))
+    )
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
@@ -112,7 +117,7 @@ def _single_numbers(result_table: Table) -> dict[str, str]:
     """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
     shown = {name: of.shown(display=True).item() for name, of in result_table.variables.items() if not of.dims}
     facts_of = {}
-    for name in [name for name in shown if not name.endswith(("_low", "_high"))]:
+    for name in result_table.shown.get("", [name for name in shown if not name.endswith(("_low", "_high"))]):
         base = name.removesuffix("_value")
         unit = unit_for_people(result_table.variables[name].unit_text(display=True))
         value, ends = brief(shown[name]), ""
@@ -243,10 +248,14 @@ _SPOKEN = {
 }
 #: Headings of rows whose dimension is no word for people.
 _HEADINGS = {
+    "bench": "What the bench leaves uncertain",
     "change": "Causes of the change",
     "condition": "Output error by condition",
     "critical": "Critical speeds",
+    "declared": "What was declared",
+    "elastic": "Stiffness, backlash and contact law",
     "group": "Groups that differ",
+    "law": "Orders by direction",
     "limit_at_load": "Limits under load",
     "mode": "Natural frequencies",
     "order": "Orders",
@@ -254,9 +263,15 @@ _HEADINGS = {
     "own": "Units that differ from the others",
     "pair": "Pairs of nearly equal units",
     "part": "Losses by part",
+    "passport": "Orders over load, speed and temperature",
+    "peak": "Orders near a natural frequency",
+    "resonance": "Natural frequencies that orders show over the speed",
+    "run": "Runs",
+    "share": "What accounts for the power of each order",
     "shift": "Systematic errors",
     "size": "Output error of the units",
     "stage": "Before and after",
+    "unexplained": "Lines that no source of the catalogue explains",
     "unseen": "Measurements that no fit saw",
     "way": "Ways to assemble",
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,10 @@ from rverror.geartrain.mechanism import Drive
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
-from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
+from rverror.views.bench_report import BESIDE, bench_json, budget_of, of_figures, of_orders, order_json
+from rverror.views.blocks import Sentence, Sheet
 from rverror.views.by_order import samples_per_turn, sideband_frames, turns_of
-from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
+from rverror.views.describing import InputFile, content, content_of, described, enveloped, sheet, sheet_of, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
@@ -138,17 +138,24 @@ def _diagnosis_table(result: Diagnosis) -> Table:
         **_traces(result, signal),
         **_angles_of(result, "set_aside", "set_aside"),
         **_angles_of(result, "slip", "slips"),
+        **budget_of(bench),
     }
     about_it = {"model": name_of(result.declared), "candidates_tried": result.tried}
     about_it |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
+    causes = [one for one in result.added if _is_cause(one)]
     return Table(
         variables,
         about_it,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
+        verdict=_verdict(result),
+        sentences=(*(said for one in causes for said in _about(one, result)), *_steps(result)),
+        remarks=_remarks(result, bench),
         shown={
             "added": ("effect", "parameter", "value", "interval", "unit"),
             "unexplained": ("order", "amplitude", "interval", "bench_uncertainty", "frames", "alias_of"),
+            **({} if _tells_loads(result) else {"passport": (), "law": ()}),
+            **dict.fromkeys(("", "candidate", "set_aside", "slip"), ()),
         },
     )
 
@@ -263,7 +270,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = same_unit(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "determined": lambda one: bool(one.determined)}
+    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes}
     return {
         **own,
         "variables": variables,
@@ -288,7 +295,9 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             }
             for addition, step in next_steps(diagnosis)
         ],
-        "stiffness": [entry(one, one.dimension, **stiffness) for one in diagnosis.elastic],
+        "stiffness": [
+            {**entry(one, one.dimension, **stiffness), "determined": bool(one.determined)} for one in diagnosis.elastic
+        ],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
         "validation": validation_json(diagnosis.validation, signal),
@@ -329,46 +338,21 @@ def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
-    """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    own_table, bench = table(diagnosis), stated_bench(diagnosis)
-    kinds = kinds_of_causes(diagnosis.passport)
+    """Diagnosis as a report, its name alone above the verdict, which says the rest."""
+    return sheet_of(replace(table(diagnosis), title=(name_of(diagnosis.declared),)))
+
+
+def _remarks(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> dict[str, Sequence[str]]:
+    """Sentences below the tables."""
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
-    return (
-        *title("Diagnosis", name_of(diagnosis.declared)),
-        _verdict(diagnosis),
-        *listed(own_table, "stage"),
-        *line(_credit(diagnosis)),
-        *listed(own_table, "added"),
-        *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
-        *_steps(diagnosis),
-        *section(
-            "Lines that no source of the catalogue explains",
-            *listed(own_table, "unexplained"),
-            *line(own if diagnosis.unexplained else ""),
-        ),
-        *section("Measurements that no fit saw", *listed(own_table, "unseen")),
-        *section(
-            "Orders over load, speed and temperature",
-            *(
-                (*listed(own_table, "passport"), *listed(own_table, "law"), *map(Sentence, kinds))
-                if _tells_loads(diagnosis)
-                else ()
-            ),
-        ),
-        *section(
-            "Natural frequencies that orders show over the speed",
-            *listed(own_table, "resonance"),
-            *listed(own_table, "peak"),
-            *line(alone(diagnosis.resonances)),
-        ),
-        *section("What accounts for the power of each order", *listed(own_table, "share")),
-        *section(
-            "Stiffness, backlash and contact law", *listed(own_table, "elastic"), *line(_not_determined(diagnosis))
-        ),
-        *section("What was declared", *listed(own_table, "declared"), *listed(own_table, "run")),
-        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.shares)),
-        *notes(diagnosis.notes),
-    )
+    return {
+        "stage": [_credit(diagnosis)],
+        "unexplained": [own] if diagnosis.unexplained else [],
+        "law": kinds_of_causes(diagnosis.passport) if _tells_loads(diagnosis) else [],
+        "peak": [alone(diagnosis.resonances)],
+        "elastic": [_not_determined(diagnosis)],
+        "bench": [] if bench is None else [of_figures(bench, whole=not diagnosis.shares)],
+    }
 
 
 def _tells_loads(diagnosis: Diagnosis) -> bool:
@@ -382,7 +366,7 @@ def _is_cause(addition: Addition) -> bool:
     return entry is None or entry.is_cause
 
 
-def _verdict(diagnosis: Diagnosis) -> Sentence:
+def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
     """The outcome in one or two sentences."""
     unit, bench = SIGNALS[diagnosis.quantity].unit, stated_bench(diagnosis)
     before, after, noise = (
@@ -408,7 +392,7 @@ def _verdict(diagnosis: Diagnosis) -> Sentence:
         ),
     }
     strong, rest = words[diagnosis.verdict]
-    return Sentence(f": {rest} {fall}", strong)
+    return strong, f": {rest} {fall}"
 
 
 def _or_rivals(others: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> str:
@@ -429,29 +413,28 @@ def _credit(diagnosis: Diagnosis) -> str:
         return ""
     if share < 0.05:
         return (
-            "Refitting the declared sizes within their uncertainty makes most of this fall; what was added takes off "
+            "Refitting the declared sizes within their uncertainty makes most of the fall; what was added takes off "
             "the rest, which noise does not explain."
         )
     return (
-        f"Of this fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
+        f"Of the fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
         "declared sizes within their uncertainty."
     )
 
 
-def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
+def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[str]:
     """What a cause is, where it shows, what cannot be told from it."""
     known, indices = CATALOGUE.get(one.effect.key), one.effect.indices
     name, orders = describe(one.effect.key, indices), ", ".join(brief(order) for order in one.orders)
     summary, frame = (known.summary, known.frame) if known else ("a source of your own", "")
     fixed = f", fixed in the {frame}" if frame in _PARTS and not isinstance(diagnosis.declared.mechanism, Drive) else ""
-    counted = "; cranks, discs and pins are counted from 0" if {"crank", "disc", "pin"} & set(indices) else ""
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
-    yield Sentence(f"{name}: {summary}{fixed}; it {shows}{counted}.")
+    yield f"{name}: {summary}{fixed}; it {shows}."
     if one.indistinguishable:
         others = [describe(*other) for other in one.indistinguishable]
         more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-        yield Sentence(f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}.")
-    yield from (Sentence(f"{name}: {note}.") for note in one.notes)
+        yield f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}."
+    yield from (f"{name}: {note}." for note in one.notes)
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:

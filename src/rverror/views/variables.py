@@ -12,6 +12,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
+from rverror.views.blocks import Sentence
 
 
 @dataclass(frozen=True)
@@ -134,10 +135,12 @@ class Table:
         The outcome in a sentence: the words to be read first, and the rest.
     facts : mapping of str to str
         What people read beside the variables that are single numbers.
-    sentences : tuple of str
-        To be read after the tables.
+    sentences : tuple of str or Sentence
+        To be read after the rows.
+    remarks : mapping of str to sequence of str
+        Sentences to be read after the rows along another dimension.
     shown : mapping of str to sequence of str
-        Columns that people read of a dimension; all where it is not named.
+        Columns that people read of a dimension, of an empty name the single numbers; all where it is not named.
     rows : str
         Dimension of the rows of its DataFrame; that of the first column where left out.
     links : sequence of str
@@ -151,7 +154,8 @@ class Table:
     title: tuple[str, ...] = ()
     verdict: tuple[str, str] = ("", "")
     facts: Mapping[str, str] = field(default_factory=dict)
-    sentences: tuple[str, ...] = ()
+    sentences: tuple[str | Sentence, ...] = ()
+    remarks: Mapping[str, Sequence[str]] = field(default_factory=dict)
     shown: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rows: str = ""
     links: Sequence[str] = ()
