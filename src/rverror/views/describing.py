@@ -10,6 +10,7 @@ import hashlib
 import math
 import os
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
@@ -22,12 +23,14 @@ from rverror.base.numbers import brief, way
 from rverror.base.text import read_bytes
 from rverror.base.version import __version__
 from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
+from rverror.views.html import shipped
 from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
 _SHARE_DIGITS = 2  # decimals of a share in percent
 _ROUNDING = 1e-12  # of the largest of a column, below which a number is the rounding of zero
+_WORDING = tomllib.loads(shipped("words.toml"))  # names and headings as people write them
 _WORDS = ("held_by", "moves", "part", "verdict")  # columns of words that the model file joins by underscores
 
 
@@ -91,7 +94,7 @@ def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
     strong, rest = result_table.verdict
     others = [dim for dim in result_table.dims if dim != result_table.rows and dim not in LONG]
-    headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
+    headings = [(dim, _WORDING["headings"].get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
         *title(kind_in_words(result_table), *result_table.title),
         *((Sentence(rest, strong),) if strong else ()),
@@ -221,60 +224,11 @@ def _is_known(value: Any) -> bool:
 
 
 def _words(name: str) -> str:
-    for written, spoken in _SPOKEN.items():
+    for written, spoken in _WORDING["names"].items():
         name = name.replace(written, spoken)
     return name.replace("_", " ")
 
 
-#: Parts of names that people write otherwise.
-_SPOKEN = {
-    "peak_to_peak": "peak-to-peak",
-    "heldout": "held-out",
-    "sobol": "Sobol",
-    "theta": "output angle",
-    "crawl": "low-speed",
-    "pulled": "tensile share,",
-    "above_zero": "significant",
-    "cost_scaled_alike": "cost with all widths scaled alike",
-    "cost_per_percent_of_limits_gained": "cost per 1 % of limits",
-    "saved_per_percent_of_limits_given_up": "saving per 1 % of limits",
-    "chance": "p-value",
-    "natural_": "",
-    "of_sun_support": "of the sun's support",
-    "size_interval": "interval",
-    "size_unit": "unit",
-    **{f"lost_{part}": f"{part}_loss" for part in ("pin", "mesh", "crank_bearing", "carrier_bearing", "drag")},
-    **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
-}
-#: Headings of rows whose dimension is no word for people.
-_HEADINGS = {
-    "bench": "What the bench leaves uncertain",
-    "change": "Causes of the change",
-    "condition": "Output error by condition",
-    "critical": "Critical speeds",
-    "declared": "What was declared",
-    "elastic": "Stiffness, backlash and contact law",
-    "group": "Groups that differ",
-    "law": "Orders by direction",
-    "limit_at_load": "Limits under load",
-    "mode": "Natural frequencies",
-    "order": "Orders",
-    "outlier": "Units that do not belong to the lot",
-    "own": "Units that differ from the others",
-    "pair": "Pairs of nearly equal units",
-    "part": "Losses by part",
-    "passport": "Orders over load, speed and temperature",
-    "peak": "Orders near a natural frequency",
-    "resonance": "Natural frequencies that orders show over the speed",
-    "run": "Runs",
-    "share": "What accounts for the power of each order",
-    "shift": "Systematic errors",
-    "size": "Output error of the units",
-    "stage": "Before and after",
-    "unexplained": "Lines that no source of the catalogue explains",
-    "unseen": "Measurements that no fit saw",
-    "way": "Ways to assemble",
-}
 _INDEX = r"\b(crank|disc) \d\b|\bpin \d"  # "crank 40" is a frame, the order of what is fixed in it
 _COUNTED = "Cranks, discs and pins are counted from 0."
 

@@ -82,9 +82,7 @@ def _torsion_table(result: TorsionCurve) -> Table:
 
 @described.register
 def _loop_table(result: Hysteresis) -> Table:
-    return _over_torque(
-        result, _loop_verdict(result), rising=result.rising, falling=result.falling, width=result.width
-    )
+    return _over_torque(result, _loop_verdict(result), rising=result.rising, falling=result.falling, width=result.width)
 
 
 def _loop_verdict(result: Hysteresis) -> tuple[str, str]:

@@ -20,6 +20,7 @@ from rverror.base.directions import direction_signs
 from rverror.base.errors import InputError
 from rverror.base.numbers import way, with_unit
 from rverror.views.plots.style import line_style
+from rverror.views.variables import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # that plots need not import it again
@@ -135,22 +136,6 @@ def axes_of_rows(ax: Axes | None, names: Sequence[str], *, upwards: bool = True)
     return ax, places
 
 
-def shown_unit(quantity: str) -> str:
-    """Unit in which a quantity is drawn, such as arcsec for ``angle``."""
-    return units.DISPLAY_UNITS[quantity]
-
-
-def in_shown_unit(values: Array, quantity: str) -> Array:
-    """Values in core units as they are drawn.
-
-    Examples
-    --------
-    >>> in_shown_unit(np.array([412e3]), "torque")
-    array([412.])
-    """
-    return np.asarray(values / units.unit_factor(shown_unit(quantity), quantity), dtype=np.float64)
-
-
 def span_of(largest: float) -> float:
     """What an axis spans for a largest value in the shown unit: that, or 1 where there is nothing to be seen."""
     return largest if largest > NOTHING else 1.0
@@ -158,7 +143,7 @@ def span_of(largest: float) -> float:
 
 def signal_label(quantity: str) -> str:
     """Name and unit of what a model, a run or a diagnosis draws."""
-    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {shown_unit(quantity)}"
+    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {unit_of(quantity).shown}"
 
 
 def over_angle(ax: Axes, *title: str, y: str, x: str = OUTPUT_ANGLE, **look: Any) -> Axes:

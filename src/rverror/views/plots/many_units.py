@@ -18,7 +18,8 @@ from rverror.lots.result import Lot, MadeBy
 from rverror.matching.result import Matched
 from rverror.views.lot_report import process_name
 from rverror.views.plots import style
-from rverror.views.plots.figure import ORDER, Axes, axes_for, axes_of_rows, in_shown_unit, labelled, plain, shown_unit
+from rverror.views.plots.figure import ORDER, Axes, axes_for, axes_of_rows, labelled, plain
+from rverror.views.variables import ANGLE
 
 _MOST = 12  # orders that are compared
 _MARKS = "x+sd^v"  # of conditions
@@ -86,7 +87,7 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=3.6)
     place = np.arange(len(rows))
     for shift, colour, name in ((-0.2, style.ORANGE, "before"), (0.2, style.BLUE, "after")):
-        sizes = in_shown_unit(np.array([getattr(one, name) for one in rows]), "angle")
+        sizes = ANGLE.of(np.array([getattr(one, name) for one in rows]))
         ax.bar(place + shift, sizes, 0.4, color=colour, label=name)
     ax.set_xticks(place, [f"{one.order:g}" for one in rows], fontsize=8)
     xlim = (-1, max(len(rows), 1))  # a single order is no wall
@@ -105,9 +106,9 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     own = {(one.serial, one.order, one.condition) for one in found.own}
     odd = np.array([[(s, o.order, o.condition) in own for o in found.orders] for s in found.serials])
-    place, sizes = (np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle"))
+    place, sizes = (np.broadcast_to(np.arange(len(found.orders)), odd.shape), ANGLE.of(found.amplitudes))
     ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
-    mean, low, high = in_shown_unit(ends, "angle").T
+    mean, low, high = ANGLE.of(ends).T
     ax.vlines(place[0] + 0.2, low, high, color=style.BLUE, lw=1.3)
     ax.plot(place[0] + 0.2, mean, "_", color=style.BLUE, ms=9, label="mean wave, 95 % interval")
     for some, mark, colour, label in (
@@ -124,7 +125,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
         found.model,
         count_of(len(found.serials), "unit"),
         x=ORDER,
-        y=f"amplitude, {shown_unit('angle')}",
+        y=f"amplitude, {ANGLE.shown}",
         ylim=(0.0, top),
     )
 
@@ -160,13 +161,13 @@ def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes_for(ax, height=3.6)
     for number, condition in enumerate(found.conditions):
-        change = in_shown_unit(found.peak_to_peak[:, number] - found.peak_to_peak[0, number], "angle")
+        change = ANGLE.of(found.peak_to_peak[:, number] - found.peak_to_peak[0, number])
         look: dict[str, Any] = {"marker": _MARKS[number % len(_MARKS)], "ls": "none", "ms": 5}
         colour = style.line_style(number + 1)["color"]
         ax.plot(found.at, change, color=colour, label=f"peak-to-peak, {condition}", **look)
     first = found.explained[:1]
     labels = ["lost motion", *["_"] * (first.size - 1)]  # one entry of the legend for all
-    measured, made = (in_shown_unit(rows - first, "angle") for rows in (found.lost_motion, found.explained))
+    measured, made = (ANGLE.of(rows - first) for rows in (found.lost_motion, found.explained))
     ax.plot(found.at, measured, "o", color=style.ORANGE, ms=5, mfc="white", label=labels)
     ax.plot(found.at, made, color=style.BLUE, label=["lost motion by the named causes", *labels[1:]])
     for one in found.changed:

@@ -12,9 +12,10 @@ from rverror.base.numbers import way
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-from rverror.views.plots.figure import ORDER, Axes, axes_of_rows, heat_map, labelled, shown_unit, stated
+from rverror.views.plots.figure import ORDER, Axes, axes_of_rows, heat_map, labelled, stated
 from rverror.views.plots.spectra import Lines, mechanism_of, run_lines
 from rverror.views.plots.waveforms import signals_of
+from rverror.views.variables import unit_of
 
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart
@@ -96,5 +97,5 @@ def order_map(
     last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
     labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=_BY[by], legend="", xlim=(0, last))
     of = f", largest of {columns} lines" if columns > 1 else ""
-    heat_map(ax, meshes, label=f"amplitude, {shown_unit(quantity)}{of}")
+    heat_map(ax, meshes, label=f"amplitude, {unit_of(quantity).shown}{of}")
     return ax

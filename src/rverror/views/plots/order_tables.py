@@ -15,7 +15,8 @@ from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, OrderPass
 from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled
+from rverror.views.plots.figure import Axes, axes_for, labelled
+from rverror.views.variables import ANGLE, SPEED, TORQUE
 
 _MARKS = "osD^vP"  # one an order
 _MOST = 6  # orders whose passports are drawn
@@ -75,7 +76,7 @@ def _over_speed(cases: Sequence[OrderCase], passports: Sequence[OrderPassport], 
             ]
             speed, size = np.array(sorted(points)).reshape(-1, 2).T
             label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            shown = in_shown_unit(speed, "angular_speed"), in_shown_unit(size, "angle")
+            shown = SPEED.of(speed), ANGLE.of(size)
             ax.plot(*shown, ms=4, lw=0.8, label=label, **_look(number, law.direction))
     x, y = "input speed, rpm", "amplitude, arcsec"
     return labelled(ax, "orders over the speed", x=x, y=y, yscale="log", legend="beside")
@@ -107,10 +108,10 @@ def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None)
                 torque = np.linspace(0.0, float(law.torque.max()), _CURVE)
                 size = np.abs(law.constant.value + law.slope.value * torque)
                 line = look | {"marker": ""}
-                ax.plot(in_shown_unit(torque, "torque"), in_shown_unit(size, "angle"), lw=1.2, **line)
+                ax.plot(TORQUE.of(torque), ANGLE.of(size), lw=1.2, **line)
             label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            measured = in_shown_unit(np.abs(law.waves), "angle")
-            ax.plot(in_shown_unit(law.torque, "torque"), measured, ms=5, label=label, **look | {"ls": "none"})
+            measured = ANGLE.of(np.abs(law.waves))
+            ax.plot(TORQUE.of(law.torque), measured, ms=5, label=label, **look | {"ls": "none"})
     return labelled(
         ax,
         "orders over the load",

@@ -31,15 +31,14 @@ from rverror.views.plots.figure import (
     Axes,
     axes_for,
     for_drawing,
-    in_shown_unit,
     labelled,
     letters,
     plain,
-    shown_unit,
     span_of,
     stated,
 )
 from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title
+from rverror.views.variables import ANGLE, unit_of
 
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
@@ -177,7 +176,7 @@ def run_spectrum(
     signals = signals_of(run, ratio)
     rows = [(way(signal.direction), run_lines(signal, mechanism)) for signal in signals]
     name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
-    unit, title = shown_unit(signals[0].quantity), run_title(run, ratio, signals)
+    unit, title = unit_of(signals[0].quantity).shown, run_title(run, ratio, signals)
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
@@ -202,9 +201,9 @@ def state_spectrum(state: Equilibrium, *, highest: float | None = None, ax: Axes
     steps = np.diff(angle)
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
-    found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
+    found = lines_of(angle, ANGLE.of(state.transmission_error))
     frame = _namer(state.model.mechanism, found)
-    alone = in_shown_unit(transmission_error_by_effect(state.model, state.conditions), "angle")
+    alone = ANGLE.of(transmission_error_by_effect(state.model, state.conditions))
     causes = causes_of(state.model, angle, alone)
 
     def name(order: float) -> str:

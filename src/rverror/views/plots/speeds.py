@@ -20,13 +20,12 @@ from rverror.views.plots.figure import (
     axes_for,
     for_drawing,
     heat_map,
-    in_shown_unit,
     labelled,
     lines,
     plain,
-    shown_unit,
     stated,
 )
+from rverror.views.variables import ANGLE, SPEED
 
 _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
@@ -55,7 +54,7 @@ def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None =
     ax = axes_for(ax, height=4.8)
     leading = _leading(response, most)
     fastest = float(response.speed.max())
-    last = float(in_shown_unit(np.array(fastest), "angular_speed"))
+    last = float(SPEED.of(np.array(fastest)))
     hertz = fastest / (2 * np.pi * response.ratio)
     for number, at in enumerate(leading):
         order = float(response.order[at])
@@ -75,7 +74,7 @@ def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None =
     critical = [one for one in response.critical_speeds if one.order in response.order[leading]]
     if critical:
         speed, order = np.array([(one.speed, one.order) for one in critical]).T
-        rings = in_shown_unit(speed, "angular_speed"), order * speed / (2 * np.pi * response.ratio)
+        rings = SPEED.of(speed), order * speed / (2 * np.pi * response.ratio)
         ax.plot(*rings, "o", color=style.BLACK, mfc="none", label="critical")
     found = _crossings(response, leading, last, top)
     for number, (speed, frequency, *_) in enumerate(found, start=1):
@@ -121,7 +120,7 @@ def _crossings(
     for at in sorted(leading.tolist(), key=lambda at: -size[at]):
         order = float(response.order[at])
         for mode, frequency in enumerate(response.frequency.tolist()):
-            speed = float(in_shown_unit(np.array(frequency * 2 * np.pi * response.ratio / order), "angular_speed"))
+            speed = float(SPEED.of(np.array(frequency * 2 * np.pi * response.ratio / order)))
             if 0 < speed <= last and frequency <= top:
                 found.append((speed, frequency, mode + 1, order))
     return sorted(found[:_MOST])
@@ -151,11 +150,11 @@ def speed_map(response: SpeedResponse, *, highest: float | None = None, ax: Axes
     together = -(-some.size // _ROWS)
     starts = np.arange(0, some.size, together)
     speed, size = (
-        in_shown_unit(response.speed, "angular_speed"),
-        in_shown_unit(np.maximum.reduceat(sizes, starts), "angle"),
+        SPEED.of(response.speed),
+        ANGLE.of(np.maximum.reduceat(sizes, starts)),
     )
     of = f", largest of {together} orders" if together > 1 else ""
-    heat_map(ax, [(speed, some[starts], size)], label=f"amplitude, {shown_unit('angle')}{of}")
+    heat_map(ax, [(speed, some[starts], size)], label=f"amplitude, {ANGLE.shown}{of}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
 
 
@@ -190,7 +189,7 @@ def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=4.2)
     about = found.crawl.mean()
     rows = (found.transmission_error - about, found.vibration, found.windup)
-    error, vibration, windup = (in_shown_unit(row, "angle") for row in rows)
+    error, vibration, windup = (ANGLE.of(row) for row in rows)
     ax.plot(*for_drawing(found.time, error), color=style.BLACK, lw=0.8, label="error")
     lines(ax, found.time, (("vibration", vibration), ("windup", windup)), lw=1.2)
     pulls = found.output_torque < 0

@@ -19,7 +19,8 @@ from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
 from rverror.views.model_report import ways
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, lines, over_angle, shown_unit
+from rverror.views.plots.figure import Axes, axes_for, labelled, lines, over_angle
+from rverror.views.variables import ANGLE, PRESSURE, TORQUE
 
 _PERCENT = 100 * MAKERS_SHARE
 _WITHOUT_TURNING = 7  # bars whose texts fit beside one another
@@ -46,7 +47,7 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
         If the curve does not reach +-3 % of the rated torque.
     """
     order = np.argsort(curve.torque, kind="stable")
-    torque, angle = (in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle"))
+    torque, angle = (TORQUE.of(curve.torque[order]), ANGLE.of(curve.angle[order]))
     middle = angle.mean(axis=1)
     branches = [
         (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))
@@ -79,8 +80,8 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
         If the loop does not reach +-3 % of the rated torque.
     """
     order = np.argsort(found.torque, kind="stable")
-    torque = in_shown_unit(found.torque[order], "torque")
-    rising, falling = (in_shown_unit(branch[order].mean(axis=1), "angle") for branch in (found.rising, found.falling))
+    torque = TORQUE.of(found.torque[order])
+    rising, falling = (ANGLE.of(branch[order].mean(axis=1)) for branch in (found.rising, found.falling))
     if rated is None and found.rated_lost_motion is not None:
         rated = found.rated_torque
     lost = _lost_motion(torque, (rising + falling) / 2, rated)
@@ -182,15 +183,15 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
     angle = np.degrees(found.theta[order])
     for number, peak in enumerate(found.peaks()):
         look = style.line_style(number)
-        pressure = in_shown_unit(found.pressure[peak.contact], "pressure")[..., order]
+        pressure = PRESSURE.of(found.pressure[peak.contact])[..., order]
         hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
         ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **look)
         ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=look["color"])
-        at = float(in_shown_unit(np.array([peak.pressure]), "pressure")[0])
+        at = float(PRESSURE.of(np.array([peak.pressure]))[0])
         where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
         mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
-    y = f"largest pressure, {shown_unit('pressure')}"
+    y = f"largest pressure, {PRESSURE.shown}"
     return over_angle(ax, "contact pressure", y=y, ylim=(0, None))
 
 
@@ -202,7 +203,7 @@ def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
     found : Wear
     """
     ax = axes_for(ax, height=3.6)
-    lost, error = (in_shown_unit(row, "angle") for row in (found.lost_motion, found.peak_to_peak))
+    lost, error = (ANGLE.of(row) for row in (found.lost_motion, found.peak_to_peak))
     lines(ax, found.hours, (("lost motion", lost), ("peak-to-peak under load", error)), marker="o", ms=4)
     x, y = "time of operation, h", "turn of the output, arcsec"
     return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y=y, ylim=(0, None), legend="beside")

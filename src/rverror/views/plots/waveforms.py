@@ -32,16 +32,15 @@ from rverror.views.plots.figure import (
     Axes,
     axes_for,
     for_drawing,
-    in_shown_unit,
     labelled,
     lines,
     over_angle,
     plain,
-    shown_unit,
     signal_label,
     span_of,
     stated,
 )
+from rverror.views.variables import ANGLE, unit_of
 
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
@@ -75,7 +74,7 @@ def parts_of(model: Model, theta: Any | None, **motion: Any) -> Parts:
     angle = whole_turn(model.mechanism) if theta is None else units.to_core_array(theta, "angle")
     rows = transmission_error_by_effect(model, angle, **motion)
     names = tuple(plain(describe(effect.key, effect.indices)) for effect in model.effects)
-    return Parts(angle, in_shown_unit(rows, "angle"), names)
+    return Parts(angle, ANGLE.of(rows), names)
 
 
 # --- models -----------------------------------------------------------------------------------------------------------
@@ -212,7 +211,7 @@ def model_polar(
     reach = 1.05 * span_of(float(np.abs(total - mean).max()))
     ax.plot(*for_drawing(parts.theta, total - mean), lw=0.9, color=style.BLUE, label="total")
     circle = np.linspace(0, _TURN, 361)
-    base = f"base circle: mean, {brief(mean, 4)} {shown_unit('angle')}"
+    base = f"base circle: mean, {brief(mean, 4)} {ANGLE.shown}"
     ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=style.DASHED, label=base)
     ax.set_rlim(-reach, reach)  # type: ignore[attr-defined]
     ends = [-reach, 0.0, reach]
@@ -260,7 +259,7 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
     else:
         values, quantity = run.error(used), "angle"
     ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
-    values = in_shown_unit(values, quantity)
+    values = unit_of(quantity).of(values)
     parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
     return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
 
@@ -289,7 +288,7 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
 
 def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state."""
-    values = in_shown_unit(state.transmission_error, "angle")
+    values = ANGLE.of(state.transmission_error)
     ax = axes_for(ax)
     ax.plot(*for_drawing(np.degrees(state.theta), values), color=style.BLUE, lw=1.0)
     return over_angle(ax, *state_title(state), y=signal_label("angle"), legend="")
@@ -309,9 +308,9 @@ def state_title(state: Equilibrium) -> list[str]:
 def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     """Influence of each parameter of a source on the output."""
     dimension = source(found.key).parameters[0].dimension
-    scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
+    scale = float(ANGLE.of(np.ones(1))[0] / unit_of(dimension).of(np.ones(1))[0])
     ax = axes_for(ax)
     lines(ax, np.degrees(found.theta), zip(found.labels, scale * found.matrix, strict=True), lw=1.1)
     if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")
+    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {unit_of(dimension).shown}")
