@@ -17,7 +17,8 @@ from rverror.diagnosis.next_run import Measurement
 from rverror.views import diagnosis_report
 from rverror.views.blocks import MOST_ROWS, as_html, as_text, grid
 from rverror.views.describing import sheet_of
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, Unit
+from rverror.views.variables import Table, Variable
 
 MM3 = Unit("mm**3", "mm**3")
 

@@ -9,7 +9,8 @@ from rverror.base.numbers import in_arcsec
 from rverror.base.units import ARCSEC
 from rverror.runs.measuring_chain import COVERAGE, BenchUncertainty, Figure
 from rverror.views.fields import Field, entry, rows, same_unit
-from rverror.views.variables import ANGLE, NUMBER, Variable
+from rverror.views.shown_units import ANGLE, NUMBER
+from rverror.views.variables import Variable
 
 #: What stands in brackets behind a figure's uncertainty.
 BESIDE = f"bench, k = {COVERAGE:g}"

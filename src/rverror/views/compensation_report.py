@@ -15,7 +15,8 @@ from rverror.views.describing import described, entries, sheet, sheet_of, table 
 from rverror.views.diagnosis_report import SIGNALS, validation_json
 from rverror.views.fields import about, entry, rows
 from rverror.views.model_report import name_of
-from rverror.views.variables import ANGLE, NUMBER, TORQUE, Table
+from rverror.views.shown_units import ANGLE, NUMBER, TORQUE
+from rverror.views.variables import Table
 
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 

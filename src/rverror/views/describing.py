@@ -22,9 +22,10 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import read_bytes
 from rverror.base.version import __version__
-from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
+from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, section, title
 from rverror.views.html import shipped
-from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
+from rverror.views.shown_units import PERCENT, unit_for_people
+from rverror.views.variables import LONG, Table, columns as columns_along
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
@@ -93,8 +94,6 @@ def _plain(value: Any) -> Any:
 def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
     strong, rest = result_table.verdict
-    others = [dim for dim in result_table.dims if dim != result_table.rows and dim not in LONG]
-    headings = [(dim, _WORDING["headings"].get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
         *title(kind_in_words(result_table), *result_table.title),
         *((Sentence(rest, strong),) if strong else ()),
@@ -102,17 +101,17 @@ def sheet_of(result_table: Table) -> Sheet:
         *listed(result_table, result_table.rows),
         *(one if isinstance(one, Sentence) else Sentence(one) for one in result_table.sentences),
     )
-    remarks = {dim: [block for text in said for block in line(text)] for dim, said in result_table.remarks.items()}
-    sections = tuple(
-        block
-        for dim, heading in headings
-        for block in section(heading, *listed(result_table, dim), *remarks.get(dim, ()))
-    )
+    sections: Sheet = ()
+    for dim in result_table.dims:
+        if dim != result_table.rows and dim not in LONG:
+            heading = _WORDING["headings"].get(dim, _words(dim).capitalize())
+            remarks = result_table.remarks.get(dim, ())
+            sections += section(heading, *listed(result_table, dim), *line(*remarks))
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
-        *notes([note for note in str(result_table.about.get("notes", "")).split("\n") if note]),
+        *section("Notes", *line(*str(result_table.about.get("notes", "")).split("\n"))),
     )
 
 

@@ -25,7 +25,8 @@ from rverror.views.describing import InputFile, content, content_of, described, 
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Unit
+from rverror.views.variables import Table, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
 _NAMED = 6  # rivals of a cause

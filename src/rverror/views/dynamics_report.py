@@ -17,7 +17,8 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.views.describing import described, entries
 from rverror.views.fields import arrays, rows, same_unit
-from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Unit
+from rverror.views.variables import Each, Table, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}

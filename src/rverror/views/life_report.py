@@ -13,7 +13,8 @@ from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
 from rverror.views.describing import described, entries
 from rverror.views.fields import OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
-from rverror.views.variables import ANGLE, HOURS, NUMBER, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, HOURS, NUMBER, Unit
+from rverror.views.variables import Table, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
 _NAMED = 4  # rivals

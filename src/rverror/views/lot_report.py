@@ -20,7 +20,8 @@ from rverror.model.catalogue import source
 from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import added_json
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION
+from rverror.views.variables import Table, Variable
 
 _LACKING = 0.001  # chance below which the model lacks something
 
@@ -40,7 +41,8 @@ def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
 
 
 @described.register
-def _lot_table(result: Lot) -> Table:
+def lot_table(result: Lot) -> Table:
+    """Processes, what differs and what the lot makes, as variables."""
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
     variables = {

@@ -22,7 +22,7 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.views.describing import described
 from rverror.views.fields import COUNT, OWN, Field, arrays, rows
-from rverror.views.variables import (
+from rverror.views.shown_units import (
     ANGLE,
     NUMBER,
     POSITION,
@@ -32,12 +32,10 @@ from rverror.views.variables import (
     TEMPERATURE,
     TIME,
     TORQUE,
-    Each,
-    Table,
     Unit,
-    Variable,
     unit_of,
 )
+from rverror.views.variables import Each, Table, Variable
 
 _GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE, "stiffness": STIFFNESS}
 

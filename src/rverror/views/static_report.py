@@ -20,7 +20,7 @@ from rverror.views.blocks import in_words
 from rverror.views.describing import described
 from rverror.views.fields import COUNT, arrays, rows
 from rverror.views.model_report import name_of, ways
-from rverror.views.variables import (
+from rverror.views.shown_units import (
     ANGLE,
     FORCE,
     HOURS,
@@ -34,9 +34,8 @@ from rverror.views.variables import (
     TORQUE,
     VOLUME,
     WATT,
-    Table,
-    Variable,
 )
+from rverror.views.variables import Table, Variable
 
 _CONTACTS = {"pin": "disc pin", "cam": "disc crank", "carrier": "crank", "mesh": "crank flank"}
 

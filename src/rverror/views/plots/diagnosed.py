@@ -23,20 +23,10 @@ from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.model.effects import Model
 from rverror.views.by_order import turns_of
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    ORDER,
-    Axes,
-    axes_for,
-    axes_of_rows,
-    for_drawing,
-    labelled,
-    over_angle,
-    plain,
-    signal_label,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
+from rverror.views.plots.labels import ORDER, labelled, over_angle, plain, signal_label, stated
 from rverror.views.plots.spectra import draw_lines, frame_name, lines_of
-from rverror.views.variables import ANGLE, unit_of
+from rverror.views.shown_units import ANGLE, unit_of
 
 _BEFORE, _AFTER = style.ORANGE, style.BLUE
 _LOOKS = ((_BEFORE, style.DASHED, 1.2), (_AFTER, "solid", 0.9))

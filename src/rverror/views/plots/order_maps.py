@@ -12,10 +12,11 @@ from rverror.base.numbers import way
 from rverror.geartrain.mechanism import Drive, Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-from rverror.views.plots.figure import ORDER, Axes, axes_of_rows, heat_map, labelled, stated
+from rverror.views.plots.figure import Axes, axes_of_rows, heat_map
+from rverror.views.plots.labels import ORDER, labelled, stated
 from rverror.views.plots.spectra import Lines, mechanism_of, run_lines
 from rverror.views.plots.waveforms import signals_of
-from rverror.views.variables import unit_of
+from rverror.views.shown_units import unit_of
 
 _HIGHEST = 260.0
 _COLUMNS = 520  # that can be told apart

@@ -15,8 +15,9 @@ from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, OrderPass
 from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, labelled
-from rverror.views.variables import ANGLE, SPEED, TORQUE
+from rverror.views.plots.figure import Axes, axes_for
+from rverror.views.plots.labels import labelled
+from rverror.views.shown_units import ANGLE, SPEED, TORQUE
 
 _MARKS = "osD^vP"  # one an order
 _MOST = 6  # orders whose passports are drawn

@@ -26,19 +26,10 @@ from rverror.runs.measurement import Run
 from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics, noise_spectrum, revolutions
 from rverror.views.by_order import short_frame, turns_of
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    ORDER,
-    Axes,
-    axes_for,
-    for_drawing,
-    labelled,
-    letters,
-    plain,
-    span_of,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, for_drawing, span_of
+from rverror.views.plots.labels import ORDER, labelled, letters, plain, stated
 from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title
-from rverror.views.variables import ANGLE, unit_of
+from rverror.views.shown_units import ANGLE, unit_of
 
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown

@@ -19,8 +19,9 @@ from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
 from rverror.views.model_report import ways
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, labelled, lines, over_angle
-from rverror.views.variables import ANGLE, PRESSURE, TORQUE
+from rverror.views.plots.figure import Axes, axes_for, lines
+from rverror.views.plots.labels import labelled, over_angle
+from rverror.views.shown_units import ANGLE, PRESSURE, TORQUE
 
 _PERCENT = 100 * MAKERS_SHARE
 _WITHOUT_TURNING = 7  # bars whose texts fit beside one another

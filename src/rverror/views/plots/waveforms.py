@@ -26,21 +26,9 @@ from rverror.model.effects import Model
 from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    NOTHING,
-    OUTPUT_ANGLE,
-    Axes,
-    axes_for,
-    for_drawing,
-    labelled,
-    lines,
-    over_angle,
-    plain,
-    signal_label,
-    span_of,
-    stated,
-)
-from rverror.views.variables import ANGLE, unit_of
+from rverror.views.plots.figure import NOTHING, Axes, axes_for, for_drawing, lines, span_of
+from rverror.views.plots.labels import OUTPUT_ANGLE, labelled, over_angle, plain, signal_label, stated
+from rverror.views.shown_units import ANGLE, unit_of
 
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
