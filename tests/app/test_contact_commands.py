@@ -107,7 +107,7 @@ def test_a_loop_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixtu
     size = float(found.lost_motion("12.36 N*m")[0]) / ARCSEC
     widest = int(found.width[:, 0].argmax())
     at = f"{found.width[widest, 0] / ARCSEC:.4g} arcsec at {found.torque[widest] / 1e3:.4g} N*m"
-    verdict = f"Lost motion {size:.4g} arcsec at +-3 % of the rated torque; largest width of the loop {at}."
+    verdict = f"Lost motion {size:.4g} arcsec at ±3 % of the rated torque; largest width of the loop {at}."
     assert capsys.readouterr().out.splitlines()[1] == verdict
     # without friction the same to some per cent: the loop lies about that curve
     assert size == pytest.approx(lost_motion(MODEL, [math.radians(12)])[0] / ARCSEC, rel=0.02)

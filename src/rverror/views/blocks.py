@@ -19,6 +19,7 @@ from rverror.views.html import escaped
 MOST_ROWS = 24
 
 _NONE = "–"
+_NAMED = 6  # names in a sentence
 _PAGE, _HEAD = 140, 13  # letters and gaps of a table as wide as a page; letters of a head before it is broken
 _STAYING = ("interval", "unit")
 _WIDEST = 44  # letters of a fact's name or a text cell that others are lined up with
@@ -116,11 +117,6 @@ class Ends(tuple[float | None, float | None]):
 # --- blocks that are left out where they would be empty ---------------------------------------------------------------
 
 
-def title(kind: str, *rest: str) -> Sheet:
-    """Title; texts that are empty are left out."""
-    return (Title(kind, tuple(text for text in rest if text)),)
-
-
 def line(*texts: str) -> Sheet:
     """Sentences; those without text are left out."""
     return tuple(Sentence(text) for text in texts if text)
@@ -141,6 +137,18 @@ def facts(given: Mapping[str, str]) -> Sheet:
     """Facts; those without text are left out."""
     known = tuple((name, text) for name, text in given.items() if text)
     return (Facts(known),) if known else ()
+
+
+def some_of(names: Sequence[str]) -> str:
+    """The first six of some names, and how many more there are.
+
+    Examples
+    --------
+    >>> some_of(["a", "b"]), some_of(list("abcdefgh"))
+    ('a, b', 'a, b, c, d, e, f and 2 more')
+    """
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def in_words(value: Any) -> Any:

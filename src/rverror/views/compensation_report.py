@@ -66,19 +66,17 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
 
 
 def _written(made: WrittenTable) -> dict[str, Any]:
-    return {
-        "points": made.points or None,
-        **entry(
-            made,
-            output_torque_newton_metre=("torque", TORQUE),
-            format=None,
-            expected_rms_arcsec=("expected", ANGLE),
-            between_points_rms_arcsec=("between", ANGLE),
-            waves_rms_arcsec=("waves", ANGLE),
-            slipped_by_one_degree_rms_arcsec=("slipped", ANGLE),
-            orders_left_out="left_out",
-        ),
-    }
+    return entry(
+        made,
+        points=lambda table: table.points or None,
+        output_torque_newton_metre=("torque", TORQUE),
+        format=None,
+        expected_rms_arcsec=("expected", ANGLE),
+        between_points_rms_arcsec=("between", ANGLE),
+        waves_rms_arcsec=("waves", ANGLE),
+        slipped_by_one_degree_rms_arcsec=("slipped", ANGLE),
+        orders_left_out="left_out",
+    )
 
 
 @sheet.register

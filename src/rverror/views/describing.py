@@ -22,14 +22,14 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import read_bytes
 from rverror.base.version import __version__
-from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, section, title
+from rverror.views.blocks import Ends, Sentence, Sheet, Title, as_text, facts, grid, line, section
 from rverror.views.html import shipped
 from rverror.views.shown_units import PERCENT, unit_for_people
 from rverror.views.variables import LONG, Table, columns as columns_along
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
-_SHARE_DIGITS = 2  # decimals of a share in percent
+_SHARE_DIGITS = 2  # decimals of a share in percent, digits of a p-value
 _ROUNDING = 1e-12  # of the largest of a column, below which a number is the rounding of zero
 _WORDING = tomllib.loads(shipped("words.toml"))  # names and headings as people write them
 _WORDS = ("held_by", "moves", "part", "verdict")  # columns of words that the model file joins by underscores
@@ -95,7 +95,7 @@ def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
     strong, rest = result_table.verdict
     blocks = (
-        *title(kind_in_words(result_table), *result_table.title),
+        Title(kind_in_words(result_table), tuple(filter(None, result_table.title))),
         *((Sentence(rest, strong),) if strong else ()),
         *facts({**_single_numbers(result_table), **result_table.facts}),
         *listed(result_table, result_table.rows),
@@ -137,7 +137,7 @@ def kind_in_words(result_table: Table) -> str:
     >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
-    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize()
+    return _words(re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize())
 
 
 def listed(result_table: Table, dim: str) -> Sheet:
@@ -172,6 +172,8 @@ def _readable(name: str, values: Any, unit: str) -> Any:
         return values
     if unit == PERCENT.shown:
         return np.round(values, _SHARE_DIGITS)
+    if name.endswith("chance"):
+        return np.array([float(f"{value:.{_SHARE_DIGITS}g}") for value in values])
     return np.where(np.abs(values) < _ROUNDING * np.abs(values[np.isfinite(values)]).max(initial=0.0), 0.0, values)
 
 
@@ -179,20 +181,16 @@ def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
     """Columns in which the ends of an interval are one, behind what it is of; values keep the digits that it leaves."""
     joined: dict[str, list[Any]] = {}
     before = list(columns)[: list(columns).index("low")] if "low" in columns else []
-    owner = "value" if "value" in before else before[-1] if before else None  # bare ends are of what they follow
+    owner = "value" if "value" in before else next(iter(before[::-1]), "")  # bare ends are of what they follow
     for name, values in columns.items():
-        lows, highs = (columns.get(f"{name}_{end}") for end in ("low", "high"))
-        if name in ("low", owner):
-            lows, highs = columns["low"], columns["high"]
-        if lows is None or highs is None:
-            if name.split("_")[-1] not in ("low", "high"):
-                joined[name] = values
-            continue
-        each = [_rounded(*row) for row in zip(values, lows, highs, strict=True)]
-        if name != "low":
+        of = "" if name == owner else f"{name}_"
+        if f"{of}low" in columns:
+            each = [_rounded(*row) for row in zip(values, columns[f"{of}low"], columns[f"{of}high"], strict=True)]
             joined[name] = [value for value, *_ in each]
-        if any(map(_is_known, values)) and (name != "low" or owner is None):
-            joined["interval" if name in ("low", owner) else f"{name}_interval"] = [Ends(ends) for _, *ends in each]
+            if any(map(_is_known, values)):
+                joined[f"{of}interval"] = [Ends(ends) for _, *ends in each]
+        elif name.split("_")[-1] not in ("low", "high"):
+            joined[name] = values
     return joined
 
 

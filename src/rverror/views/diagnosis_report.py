@@ -14,13 +14,14 @@ from rverror.base.numbers import brief, count_of, way
 from rverror.base.text import describe
 from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
-from rverror.geartrain.mechanism import Drive
+from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
+from rverror.runs.spectrum import frames_of_order
 from rverror.views.bench_report import BESIDE, bench_json, budget_of, of_figures, of_orders, order_json
-from rverror.views.blocks import Sentence, Sheet
-from rverror.views.by_order import samples_per_turn, sideband_frames, turns_of
+from rverror.views.blocks import Sentence, Sheet, some_of
+from rverror.views.by_order import turns_of
 from rverror.views.describing import InputFile, content, content_of, described, enveloped, sheet, sheet_of, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
@@ -29,7 +30,6 @@ from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, 
 from rverror.views.variables import Table, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
-_NAMED = 6  # rivals of a cause
 _RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
 _SAMPLES = {
     **{name: name for name in ("theta", "measured", "before", "after")},
@@ -59,6 +59,45 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     if diagnosis.quantity != "angle":
         return None
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
+
+
+# --- orders and their sampling ----------------------------------------------------------------------------------------
+
+
+def samples_per_turn(diagnosis: Diagnosis) -> float:
+    """Samples an output turn of the coarsest run; infinite where traces do not keep it, as those of a drive."""
+    if isinstance(diagnosis.declared.mechanism, Drive) or not diagnosis.traces:
+        return math.inf
+    return min(float(trace.theta.size / turns_of(trace.theta)) for trace in diagnosis.traces)
+
+
+def sideband_frames(mechanism: Mechanism, order: float) -> tuple[str, ...]:
+    """Frames of which an order that fits none is a sideband, once or twice an output turn away.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    order : float
+        Per output turn.
+
+    Returns
+    -------
+    tuple of str
+        Empty where the order fits a frame itself, or where there is none beside it.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> [sideband_frames(reducer("RV-40E"), order) for order in (77, 78, 36)]
+    [('1 below housing 39 x 2',), (), ()]
+    """
+    if frames_of_order(mechanism, order):
+        return ()
+    for away in (-1, 1, -2, 2):
+        near = [f for f in frames_of_order(mechanism, order - away) if order - away > 2.5]
+        if near:
+            return (f"{abs(away)} {'above' if away > 0 else 'below'} {near[0]}",)
+    return ()
 
 
 # --- what to measure next ---------------------------------------------------------------------------------------------
@@ -271,7 +310,6 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = same_unit(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes}
     return {
         **own,
         "variables": variables,
@@ -297,7 +335,8 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             for addition, step in next_steps(diagnosis)
         ],
         "stiffness": [
-            {**entry(one, one.dimension, **stiffness), "determined": bool(one.determined)} for one in diagnosis.elastic
+            {**entry(one, one.dimension, name=None, unit=OWN_NAME, **sizes), "determined": bool(one.determined)}
+            for one in diagnosis.elastic
         ],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
@@ -432,9 +471,7 @@ def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[str]:
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
     yield f"{name}: {summary}{fixed}; it {shows}."
     if one.indistinguishable:
-        others = [describe(*other) for other in one.indistinguishable]
-        more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-        yield f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}."
+        yield f"These runs cannot tell {name} from {some_of([describe(*other) for other in one.indistinguishable])}."
     yield from (f"{name}: {note}." for note in one.notes)
 
 

@@ -212,8 +212,15 @@ def _run_up_table(result: RunUp) -> Table:
         f"Peak-to-peak of the error {with_unit(float(np.ptp(result.transmission_error)), 'angle')}",
         f"; the vibration is largest at {with_unit(speed, 'angular_speed')}: {with_unit(vibration, 'angle')}.",
     )
+    single = ("vibration_peak_to_peak", "windup_peak_to_peak")
     about = {"direction": way(result.direction)}
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
         about["notes"] = f"from {first} s on contacts would have to pull: they open, and the error is no prediction"
-    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"), verdict=verdict)
+    return Table(
+        variables,
+        about,
+        title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"),
+        verdict=verdict,
+        shown={"": single},
+    )

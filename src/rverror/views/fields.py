@@ -74,8 +74,7 @@ def rows(
     """
     listed, made = list(things), {}
     units = Each(own[0], tuple(_own(value_at(row, own[1])) for row in listed)) if own else None
-    for name, field in fields.items():
-        getter, unit = _parts(name, field)
+    for name, (getter, unit) in _each(fields):
         values: Any = [in_words(value_at(row, getter)) for row in listed]
         if unit is not None:
             values = np.array(values, dtype=int if unit is COUNT else np.float64)

@@ -216,8 +216,8 @@ def to_xlsx(result: Any, /, *, path: PathLike = "workbook") -> bytes:
     b'PK'
     """
     result_table = table(result)
-    single = [(name, of, of.shown(display=True).item()) for name, of in result_table.variables.items() if not of.dims]
-    numbers = [(name, _cell(value), of.unit_text(display=True)) for name, of, value in single]
+    single = ((name, of) for name, of in result_table.variables.items() if not of.dims)
+    numbers = [(name, _cell(of.shown(display=True)), of.unit_text(display=True)) for name, of in single]
     sheets: dict[str, Iterable[Sequence[object]]] = {"numbers": [("name", "value", "unit"), *numbers]}
     dims = [dim for dim in result_table.dims if dim == result_table.rows or dim not in LONG]
     return workbook(path, sheets | {dim: _rows(result_table, dim, units=True) for dim in dims})
@@ -236,8 +236,6 @@ def _cell(value: Any) -> float | int | str | None:
     plain = value.item() if hasattr(value, "item") else value
     if isinstance(plain, bool):
         return "yes" if plain else "no"
-    if isinstance(plain, float) and math.isfinite(plain):
-        return plain
-    if isinstance(plain, float):
+    if isinstance(plain, float) and not math.isfinite(plain):
         return None if math.isnan(plain) else str(plain)
-    return plain if isinstance(plain, int) else printable(str(plain))
+    return plain if isinstance(plain, int | float) else printable(str(plain))

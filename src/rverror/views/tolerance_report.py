@@ -16,7 +16,7 @@ from rverror.lots.result import Interval
 from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.declared import Tolerance
-from rverror.tolerances.full_budget import ErrorBudget, LoadedBudget
+from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
@@ -319,11 +319,7 @@ def _units_table(result: VirtualUnits) -> Table:
 
 
 @described.register
-def _error_budget_table(result: ErrorBudget) -> Table:
-    return _table_with_yield(result, None)
-
-
-def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
+def _error_budget_table(result: ErrorBudget, limit: Any | None = None) -> Table:
     """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
     closed, drawn, loaded = result.closed, result.units, result.at_load
     order = _order(closed)
@@ -415,23 +411,18 @@ def _verdict_at_load(found: Verified) -> str:
 
 @sheet.register
 def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
-    return sheet_of(_table_with_yield(thing, limit))
+    return sheet_of(_error_budget_table(thing, limit))
 
 
 @entries.register
 def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> dict[str, Any]:
     """`limit` of the peak-to-peak is that at which the yield is told."""
-    passed = None if limit is None else found.units.yield_at(limit)
+    passed, loaded = None if limit is None else found.units.yield_at(limit), found.at_load
+    limits = [] if loaded is None else zip(loaded.verified.limits, loaded.closed_form, strict=True)
     return {
         "units": found.units.count,
         "seed": found.units.seed,
         "yield": passed and entry(passed, value=NUMBER, low=NUMBER, high=NUMBER),
-        "limits": [] if found.at_load is None else _loaded_entries(found.at_load),
-        **({} if found.at_load is None else together_entry(found.at_load.verified)),
+        "limits": [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in limits],
+        **({} if loaded is None else together_entry(loaded.verified)),
     }
-
-
-def _loaded_entries(loaded: LoadedBudget) -> list[dict[str, Any]]:
-    """Entries of the limits in JSON, with what the closed form says."""
-    each = zip(loaded.verified.limits, loaded.closed_form, strict=True)
-    return [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in each]

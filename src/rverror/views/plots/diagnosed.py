@@ -213,13 +213,9 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ]
     name = partial(frame_name, diagnosis.declared.mechanism, within=after.apart)
     title = ["residual spectrum", *stated(diagnosis.declared), *_trace_title(trace)]
-    last = highest or min(_last_found(diagnosis), float(after.order[-1]))
-    return draw_lines(rows, name, title=title, unit=unit_of(diagnosis.quantity).shown, highest=last, ax=ax)
-
-
-def _last_found(diagnosis: Diagnosis) -> float:
     found = [line.order for line in diagnosis.unexplained] + [o for a in diagnosis.added for o in a.orders]
-    return max([_HIGHEST, *(1.05 * order for order in found)])
+    last = highest or min(max([_HIGHEST, *(1.05 * order for order in found)]), float(after.order[-1]))
+    return draw_lines(rows, name, title=title, unit=unit_of(diagnosis.quantity).shown, highest=last, ax=ax)
 
 
 def _trace(diagnosis: Diagnosis, run: int) -> Trace:

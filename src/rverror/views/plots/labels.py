@@ -27,9 +27,9 @@ _BESIDE = 0.42  # of the width of a cell, for a legend beside the axes
 _FEWEST_BESIDE = 33  # letters; where there is no room for them a legend stands under the axes
 
 
-def signal_label(quantity: str) -> str:
-    """Name and unit of what a model, a run or a diagnosis draws."""
-    return f"{'torque' if quantity == 'torque' else 'transmission error'}, {unit_of(quantity).shown}"
+def signal_label(quantity: str, about: str = "") -> str:
+    """Name and unit of what a model, a run or a diagnosis draws, and what it is told about."""
+    return f"{'torque' if quantity == 'torque' else 'transmission error'}{about}, {unit_of(quantity).shown}"
 
 
 def over_angle(ax: Axes, *title: str, y: str, x: str = OUTPUT_ANGLE, **look: Any) -> Axes:

@@ -66,7 +66,7 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
 
 def _by_evidence(rows: Mapping[str, Any]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
     """Processes whose scatter is significant, and those of which it is not, with their face and name."""
-    significant = rows["above_zero"]
+    significant = rows["above_zero"].astype(bool)
     for some, face, label in (
         (significant, style.BLUE, "significantly above zero"),
         (~significant, "white", "not significant"),
@@ -121,7 +121,7 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     return labelled(
         ax,
         "Units by order",
-        found.model,
+        plain(found.model),
         count_of(len(found.serials), "unit"),
         x=ORDER,
         y=f"amplitude, {ANGLE.shown}",
@@ -185,4 +185,4 @@ def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
         ax.step(100 * known, 100 * share, where="post", label=one.name, **style.line_style(number))
     ax.axvline(100, color=style.GREY, lw=1, ls=":")
     x = "error at the load over the limit, %"
-    return labelled(ax, found.model, x=x, y="units, %", ylim=(0, 102), legend="beside")
+    return labelled(ax, "Ways to assemble", plain(found.model), x=x, y="units, %", ylim=(0, 102), legend="beside")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -23,25 +22,24 @@ _MARKS = "osD^vP"  # one an order
 _MOST = 6  # orders whose passports are drawn
 _CURVE = 121  # points of a law
 #: Share of an order's power: its name, colour and hatch.
-_SHARES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
-    {
-        "parts": ("part errors", style.BLUE, ""),
-        "compliance": ("compliance", style.ORANGE, "//"),
-        "measuring_chain": ("measuring chain", style.GREY, ".."),
-        "empirical": ("law only", "white", "xx"),
-        "left": ("nothing", "white", ""),
-    }
-)
+_SHARES = {
+    "parts": ("part errors", style.BLUE, ""),
+    "compliance": ("compliance", style.ORANGE, "//"),
+    "measuring_chain": ("measuring chain", style.GREY, ".."),
+    "empirical": ("law only", "white", "xx"),
+    "left": ("nothing", "white", ""),
+}
 
 
-def _look(number: int, sense: float) -> dict[str, Any]:
-    """Look of the n-th order in one direction."""
+def _look(number: int, order: float, sense: float) -> dict[str, Any]:
+    """Look and name of the n-th order in one direction."""
     colour = style.line_style(number)["color"]
     return {
         "color": colour,
         "marker": _MARKS[number],
         "ls": "solid" if sense > 0 else style.DASHED,
         "mfc": colour if sense > 0 else "white",
+        "label": f"order {brief(order, 6)}, {way(sense)}",
     }
 
 
@@ -76,9 +74,7 @@ def _over_speed(cases: Sequence[OrderCase], passports: Sequence[OrderPassport], 
                 for wave in case.waves[np.abs(case.orders - one.order) <= SAME_ORDER]
             ]
             speed, size = np.array(sorted(points)).reshape(-1, 2).T
-            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            shown = SPEED.of(speed), ANGLE.of(size)
-            ax.plot(*shown, ms=4, lw=0.8, label=label, **_look(number, law.direction))
+            ax.plot(SPEED.of(speed), ANGLE.of(size), ms=4, lw=0.8, **_look(number, one.order, law.direction))
     x, y = "input speed, rpm", "amplitude, arcsec"
     return labelled(ax, "orders over the speed", x=x, y=y, yscale="log", legend="beside")
 
@@ -104,15 +100,12 @@ def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None)
     ax = axes_for(ax, height=4.2)
     for number, one in enumerate(passports[:_MOST]):
         for law in one.laws:
-            look = _look(number, law.direction)
+            look = _look(number, one.order, law.direction)
             if law.slope is not None:
                 torque = np.linspace(0.0, float(law.torque.max()), _CURVE)
                 size = np.abs(law.constant.value + law.slope.value * torque)
-                line = look | {"marker": ""}
-                ax.plot(TORQUE.of(torque), ANGLE.of(size), lw=1.2, **line)
-            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            measured = ANGLE.of(np.abs(law.waves))
-            ax.plot(TORQUE.of(law.torque), measured, ms=5, label=label, **look | {"ls": "none"})
+                ax.plot(TORQUE.of(torque), ANGLE.of(size), lw=1.2, **look | {"marker": "", "label": None})
+            ax.plot(TORQUE.of(law.torque), ANGLE.of(np.abs(law.waves)), ms=5, **look | {"ls": "none"})
     return labelled(
         ax,
         "orders over the load",

@@ -95,7 +95,7 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
 def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Array, Array] | None) -> Axes:
     """Words, and the lost motion where it is asked for."""
     if lost is not None:
-        label = f"lost motion at +-{_PERCENT:g} %: {np.ptp(lost[1]):.3g} arcsec"
+        label = f"lost motion at ±{_PERCENT:g} %: {np.ptp(lost[1]):.3g} arcsec"
         ax.plot(*lost, "D", color=style.BLACK, ms=4, label=label)
     ax.axhline(0, color=style.BLACK, lw=0.4)
     ax.axvline(0, color=style.BLACK, lw=0.4)
@@ -148,7 +148,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     for x, high, one in zip(place.tolist(), top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
     cases = list(zip(*map(_case, listed), strict=True))
-    loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
+    loads = [brief(TORQUE.of(one.torque)) for one in listed]
     differing = [words for words in cases if len(set(words)) > 1]
     joint, turned = ("\n", 0) if len(listed) <= _WITHOUT_TURNING or not differing else (", ", 90)
     ticks = [joint.join(words) for words in zip(loads, *differing, strict=True)]
@@ -188,7 +188,7 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
         hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
         ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **look)
         ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=look["color"])
-        at = float(PRESSURE.of(np.array([peak.pressure]))[0])
+        at = PRESSURE.of(peak.pressure)
         where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
         mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)

@@ -142,9 +142,8 @@ def _drawn(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> tu
     parts = parts_of(model, theta, **motion)
     shown = (_first_waves(parts, waves) if theta is None else parts).largest(most)
     drawn = about_constants(shown)
-    name, unit = signal_label("angle").split(", ")
     about = "" if drawn is shown else f" about {float(shown.rows.sum(axis=0).mean()):+.4g}"
-    return drawn, f"{name}{about}, {unit}"
+    return drawn, signal_label("angle", about)
 
 
 def about_constants(parts: Parts) -> Parts:
@@ -205,9 +204,9 @@ def model_polar(
     ends = [-reach, 0.0, reach]
     ax.set_rticks(ends, [brief(end, 2) for end in ends])  # type: ignore[attr-defined]
     ax.set_rorigin(-_ORIGIN * reach)  # type: ignore[attr-defined]
-    name, unit = signal_label("angle").split(", ")
     title = stated(model, torque=torque, direction=direction)
-    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
+    outwards = signal_label("angle", " above its mean")
+    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {outwards}")
     ax.yaxis.labelpad = 30
     return ax
 
@@ -246,10 +245,10 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
         values, quantity = torque, "torque"
     else:
         values, quantity = run.error(used), "angle"
-    ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
     values = unit_of(quantity).of(values)
-    parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
-    return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
+    parts = ((np.flatnonzero(run.direction == sense), sense) for sense in (1.0, -1.0))
+    known = ((at, sense, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts if at.size)
+    return [Signal(theta[at], values[at], sense, quantity, breaks) for at, sense, breaks in known]
 
 
 def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: Sequence[Signal]) -> list[str]:
@@ -295,10 +294,10 @@ def state_title(state: Equilibrium) -> list[str]:
 
 def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     """Influence of each parameter of a source on the output."""
-    dimension = source(found.key).parameters[0].dimension
-    scale = float(ANGLE.of(np.ones(1))[0] / unit_of(dimension).of(np.ones(1))[0])
+    unit = unit_of(source(found.key).parameters[0].dimension)
+    rows = ANGLE.of(found.matrix) * unit.size
     ax = axes_for(ax)
-    lines(ax, np.degrees(found.theta), zip(found.labels, scale * found.matrix, strict=True), lw=1.1)
-    if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
+    lines(ax, np.degrees(found.theta), zip(found.labels, rows, strict=True), lw=1.1)
+    if np.abs(rows).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {unit_of(dimension).shown}")
+    return over_angle(ax, plain(found.key), y=f"influence, {ANGLE.shown} per {unit.shown}")
