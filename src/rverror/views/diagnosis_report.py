@@ -142,7 +142,8 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 
 
 @described.register
-def _diagnosis_table(result: Diagnosis) -> Table:
+def diagnosis_table(result: Diagnosis) -> Table:
+    """What a diagnosis tells: verdict, sizes, rivals, what to measure next, and the numbers behind it."""
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
     shares = same_unit(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")

@@ -141,7 +141,7 @@ def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str,
 
     Examples
     --------
-    >>> from rverror.views.variables import LENGTH
+    >>> from rverror.views.shown_units import LENGTH
     >>> entry(3 + 4j, real=None, size=(abs, LENGTH))
     {'real': 3.0, 'size': 5000.0}
     """
