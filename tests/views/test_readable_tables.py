@@ -43,6 +43,10 @@ def test_a_share_has_two_decimals() -> None:
     assert (one.strip(), other.strip()) == ("99.87", "0")
 
 
+def test_a_p_value_has_two_digits() -> None:
+    assert text_of(chance=column([3.8571e-19]))[-1].strip() == "3.9e-19"
+
+
 def test_a_direction_is_a_word() -> None:
     *_, one, other = text_of(direction=column([1.0, -1.0]))
     assert (one.strip(), other.strip()) == ("forward", "reverse")
@@ -64,6 +68,11 @@ def test_bare_ends_of_an_interval_are_those_of_the_column_before_them() -> None:
 def test_a_size_has_the_digits_of_the_half_interval_that_is_known() -> None:
     lines = text_of(p99=column([39.482]), p99_low=column([33.28]), p99_high=column([math.inf]))
     assert lines[-1].split() == ["39", "33", "to", "∞"]
+
+
+def test_a_size_that_no_row_has_has_no_interval_either() -> None:
+    lines = text_of(order=column([78.0]), **{f"p99{end}": column([math.nan]) for end in ("", "_low", "_high")})
+    assert lines[-2:] == ["order", "   78"]
 
 
 @pytest.mark.parametrize(("cell", "counted"), [("crank 0", True), ("disc 1, pin 12", True), ("crank 40", False)])
