@@ -1,7 +1,7 @@
 """Compensation on virtual benches whose physics is not the package's, and on recordings of others.
 
     python benchmarks/compensation.py [--units 12] [--seed 1] [--noise 400]
-    python benchmarks/compensation.py [--recordings FOLDER] [--figure docs/theory/compensation.png]
+    python benchmarks/compensation.py --recordings FOLDER
 
 Each unit is fitted on two turns in each direction at 20 N*m.  Held against it: a third turn, which no fit saw, and a
 turn at 200 N*m.  Beside the orders that survive stand a plain lookup table (the mean of each of 512 bins), all
@@ -20,7 +20,6 @@ import tempfile  # noqa: E402
 import warnings  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
 from dataclasses import replace  # noqa: E402
-from importlib import resources  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
@@ -29,7 +28,6 @@ from real_bench.units import ARCSEC, Simulated, Unit, both_ways, draw, grid, mod
 
 import rverror  # noqa: E402
 from rverror.runs.order_table import TableCondition  # noqa: E402
-from rverror.views.plots.page_figures import figure_of  # noqa: E402
 
 FAMILIES = ("plain", "stiffness", "power_law")
 LOAD, OTHER = 20.0, 200.0  # N*m
@@ -214,31 +212,15 @@ def without_slow(theta: np.ndarray, values: np.ndarray, degree: int) -> np.ndarr
     return values - base @ np.linalg.lstsq(base, values, rcond=None)[0]
 
 
-def figure(path: Path) -> None:
-    """Picture of the page: the demo's forward run, its last turn in no fit."""
-    demo = resources.files("rverror") / "data" / "demo"
-    model = rverror.load_model(str(demo / "model.toml"))
-    run = rverror.load_run(str(demo / "forward.csv"), model)
-    theta = run.nominal_angle(model)
-    last = theta > theta.max() - 2 * np.pi
-    made = rverror.compensate(model, [cut(run, ~last)], unseen=[cut(run, last)])
-    figure_of(made).savefig(path, dpi=110)
-    print(rverror.to_text(made))
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--units", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=int, default=400)
     parser.add_argument("--recordings", type=Path, help="folder of the recordings: those alone")
-    parser.add_argument("--figure", type=Path, help="write the picture of the page alone")
     options = parser.parse_args(arguments)
-    if options.figure or options.recordings:
-        if options.figure:
-            figure(options.figure)
-        if options.recordings:
-            recordings(options.recordings)
+    if options.recordings:
+        recordings(options.recordings)
         return
     false_alarms(options.noise)
     units(options.seed, options.units)

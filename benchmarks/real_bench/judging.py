@@ -129,7 +129,7 @@ def stiffness_inside(truth: Mapping[str, Any], found: Mapping[str, Any]) -> tupl
     if "contact_law" in truth:
         return 0, 0
     for one in found.get("stiffness", []):
-        if one["name"] in true and one["told"]:
+        if one["name"] in true and one["determined"]:
             factor = float(true[one["name"]]) * one["declared"]
             total += 1
             inside += one["low"] <= factor <= one["high"]

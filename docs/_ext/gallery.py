@@ -1,17 +1,26 @@
 """The gallery of plots: a small picture of each, made by the line of code that stands beside it.
 
-`python docs/_ext/gallery.py` draws the pictures of docs/gallery and of the README, and writes their table into
-docs/plots.md; it takes a minute.  A test holds table, pictures and kinds together.
+`python docs/_ext/gallery.py` draws the pictures of docs/gallery, of the README and of two pages of the theory, and
+writes the table of the gallery into docs/plots.md; it takes a minute.  A test holds table, pictures and kinds together.
 """
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from rverror.statics import Wear
+from rverror.statics.duty import duty_words
+from rverror.views import new_figure
+from rverror.views.plots.figure import Figure, lines
+from rverror.views.plots.labels import labelled
 from rverror.views.plots.page_figures import figure_of
+from rverror.views.shown_units import LENGTH
 
 DOCS = Path(__file__).parents[1]
 FOLDER = "gallery"
@@ -34,6 +43,10 @@ declared = rverror.load_model(str(demo / "model.toml"))
 runs = [rverror.load_run(str(demo / name), declared) for name in ("forward.csv", "reverse.csv")]
 found = rverror.diagnose(declared, runs)
 made = rverror.compensate(declared, runs)
+last = runs[0].nominal_angle(declared) > 4 * np.pi
+angles = ("input_angle", "output_angle", "direction")
+two, third = (replace(runs[0], **{name: getattr(runs[0], name)[at] for name in angles}) for at in (~last, last))
+foreseen = rverror.compensate(declared, [two], unseen=[third])
 
 unit = rverror.Model(
     rverror.reducer("RV-40E"),
@@ -72,9 +85,10 @@ lossy = rverror.statics.efficiency(unit, theta[::16], torque="412 N*m", friction
 sizes = (6, 12, 25, 50, 100, 200, 412)
 loop = rverror.statics.hysteresis(unit, theta[:128:16], friction=rubs,
                           torques=[f"{t} N*m" for t in (*(-size for size in sizes[::-1]), 0, *sizes)])
-worn = rverror.statics.wear(unit, torque="412 N*m", input_speed="1815 rpm", hours=6000,
-                    disc_width="9 mm", gear_width="8 mm",
-                    coefficients=rverror.statics.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
+duty = dict(torque="412 N*m", input_speed="1815 rpm", disc_width="9 mm", gear_width="8 mm",
+            coefficients=rverror.statics.WearCoefficients(disc="1e-10 mm^3/(N*m)", pin="1e-10 mm^3/(N*m)"))
+worn = rverror.statics.wear(unit, hours=6000, **duty)
+flawless = rverror.statics.wear(rverror.Model(unit.mechanism), hours=[0, 2000, 4000, 6000], **duty)
 
 tolerances = (
     rverror.tolerance("crank.eccentricity", "5 um", cost=rverror.tolerances.cost.Reciprocal(10.0, 0.005)),
@@ -183,6 +197,25 @@ LINES = {
 }
 
 
+def worn_depths(found: Wear) -> Figure:
+    """Depth that a lobe and the pin on it have lost together, over the roll angle."""
+    figure, (ax,) = new_figure()
+    depths = LENGTH.of(found.lobe_depth + found.pin_depth)
+    named = zip((f"{hours:g} h" for hours in found.hours), depths, strict=True)
+    lines(ax, np.degrees(found.roll_angle), list(named)[1:])
+    x = "roll angle from root over tip to root, deg"
+    labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y="worn off, um", legend="beside")
+    return figure
+
+
+#: Pictures of pages other than the gallery: how each is drawn, and its width.
+OTHERS: dict[str, tuple[Callable[[dict[str, Any]], Figure], int]] = {
+    "before-and-after": (lambda of: figure_of(replace(of["found"], traces=of["found"].traces[:1])), 840),
+    "theory/compensation": (lambda of: figure_of(replace(of["foreseen"], traces=of["foreseen"].traces[-1:])), 840),
+    "theory/wear": (lambda of: worn_depths(of["flawless"]), 840),
+}
+
+
 def gallery() -> str:
     """Table of the thumbnails: each leads to its picture in full, with the line that draws it under it.
 
@@ -220,8 +253,8 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     for name, line in LINES.items():
         (folder / f"{name}.png").write_bytes(small(eval(line, names).figure))
-    forward = replace(names["found"], traces=names["found"].traces[:1])
-    (DOCS / "before-and-after.png").write_bytes(small(figure_of(forward), width=840))
+    for name, (drawn, width) in OTHERS.items():
+        (DOCS / f"{name}.png").write_bytes(small(drawn(names), width=width))
     page = DOCS / "plots.md"
     page.write_text(written(page.read_text(encoding="utf-8")), encoding="utf-8")
 

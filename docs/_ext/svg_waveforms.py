@@ -13,7 +13,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.views.html import escaped
-from rverror.views.plots.figure import thinned
+from rverror.views.plots.figure import for_drawing
 
 _LEFT, _RIGHT = 52, 16
 
@@ -74,8 +74,8 @@ def waveforms(
         for value in ticks(-reach, reach, 5):
             parts.append(_horizontal(up(value), width, f"{value:g}"))
         for name, values in lines:
-            kept = thinned(angle, [values], inner)
-            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(angle[kept]), up(values[kept]), strict=True))
+            x, y = for_drawing(angle, values, columns=inner)
+            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across(x), up(y), strict=True))
             parts.append(f'<polyline class="{escaped(name)}" points="{points}"/>')
     base = height - bottom
     for value in _angle_ticks(low, high, inner):

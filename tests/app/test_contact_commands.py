@@ -105,12 +105,15 @@ def test_a_loop_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert told["torque"] == sorted(told["torque"])
     np.testing.assert_allclose(told["width"], found.width / ARCSEC)
     size = float(found.lost_motion("12.36 N*m")[0]) / ARCSEC
-    assert f"lost motion at +-3 % of the rated torque: {size:.4g} arcsec" in capsys.readouterr().out
+    widest = int(found.width[:, 0].argmax())
+    at = f"{found.width[widest, 0] / ARCSEC:.4g} arcsec at {found.torque[widest] / 1e3:.4g} N*m"
+    verdict = f"Lost motion {size:.4g} arcsec at ±3 % of the rated torque; largest width of the loop {at}."
+    assert capsys.readouterr().out.splitlines()[1] == verdict
     # without friction the same to some per cent: the loop lies about that curve
     assert size == pytest.approx(lost_motion(MODEL, [math.radians(12)])[0] / ARCSEC, rel=0.02)
     assert picture.stat().st_size > 10_000
     assert main(["hysteresis", path, "--torque", "5 N*m", "--plot", str(picture)]) == 0  # below 3 % of the rated
-    assert "lost motion" not in capsys.readouterr().out
+    assert capsys.readouterr().out.splitlines()[1].startswith("Largest width of the loop ")
 
 
 def test_pressure_of_a_file(path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

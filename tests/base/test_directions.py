@@ -10,7 +10,7 @@ import pytest
 
 import rverror
 from rverror.base.directions import direction_sign, direction_signs
-from rverror.views.plots.figure import stated
+from rverror.views.plots.labels import stated
 
 MODEL = rverror.Model(rverror.reducer("RV-40E"), (rverror.effect("cycloid.pin_position", pin=3, radial="5 um"),))
 CAMS = [rverror.tolerance("crank.eccentricity", "5 um")]

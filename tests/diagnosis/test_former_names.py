@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rverror.diagnosis.orders.resonances import Resonance
 from rverror.diagnosis.result import ElasticEstimate
-from rverror.diagnosis.wave_fit import WavePart
+from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 
 FORMER = [
     (ElasticEstimate("pin_contact", "stiffness", 2e5, 2.1e5, 2e5, 2.2e5, True), "told", "determined"),
@@ -20,6 +21,15 @@ FORMER = [
         ),
         "off",
         "misfit",
+    ),
+    (
+        DirectionLaw(
+            direction=1.0, cases=1, constant=WavePart(value=1 + 0j, deviation=0.1, radius=0.3, freedom=5.0),
+            slope=None, temperature=None, speed=None, not_determined=("load",), bent=False, noise=0.0,
+            torque=np.zeros(1), waves=np.ones(1, complex),
+        ),
+        "not_told",
+        "not_determined",
     ),
 ]  # fmt: skip
 

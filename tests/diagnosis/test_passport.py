@@ -178,12 +178,12 @@ def test_a_wave_of_nothing_but_noise_is_not_told() -> None:
 def test_below_three_torques_only_constants_are_told() -> None:
     found = one(table(lambda d, q, v, t: 1e-6 + 1e-12 * q, torques=(0.0, 1e6)))
     assert all(law.slope is None for law in found.laws)
-    assert found.laws[0].not_told == ("load is not told: there are two torques only",)
+    assert found.laws[0].not_determined == ("load is not determined: there are two torques only",)
     assert found.loads is None
     assert found.shares["load"] is None
     # torques that a bench cannot hold apart are one
     held = one(table(lambda *_: 1e-6, torques=(9.96e5, 1e6, 1.001e6)))
-    assert held.laws[0].not_told == ("load is not told: all cases are at one torque",)
+    assert held.laws[0].not_determined == ("load is not determined: all cases are at one torque",)
 
 
 def test_one_case_tells_an_amplitude_and_no_interval() -> None:
@@ -205,8 +205,8 @@ def test_temperature_that_goes_with_the_load_is_not_told() -> None:
     ]
     (law,) = one(cases).laws
     assert law.temperature is None
-    assert law.not_told == ("temperature is not told: it goes with the torque, whose part may be its own",)
-    assert law.not_told[0] in one(cases).kinds
+    assert law.not_determined == ("temperature is not determined: it goes with the torque, whose part may be its own",)
+    assert law.not_determined[0] in one(cases).kinds
 
 
 def test_constants_at_other_conditions_are_not_compared() -> None:
@@ -393,7 +393,7 @@ def test_cases_without_conditions_give_constants() -> None:
         for size in (1e-8, -1e-8, 2e-8)
     ]
     found = one(cases)
-    assert found.laws[0].not_told == ("load is not told: no case holds a torque",)
+    assert found.laws[0].not_determined == ("load is not determined: no case holds a torque",)
     assert found.laws[0].constant.significant
 
 

@@ -297,7 +297,7 @@ def test_a_run_up_is_told_with_where_contacts_would_pull() -> None:
     found = run_up(model, [0, 0.02], [40, 0], torque="300 N*m")
     assert found.output_torque.min() < 0
     told = rverror.to_text(found)
-    assert told.startswith("Run up: 300 N*m, forward, 0.02 s\n")
+    assert told.startswith("Run-up: 300 N*m, forward, 0.02 s\n")
     assert "contacts would have to pull" in told
     calm = run_up(model, [0, 0.02], [40, 40], torque="300 N*m")
     assert "contacts would have to pull" not in rverror.to_text(calm)

@@ -106,6 +106,17 @@ def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:
     assert to_json(EMPTY)["predicted"] is None
 
 
+def test_two_causes_of_one_source_are_two_entries_of_a_unit() -> None:
+    found = lot()
+    (one,) = found.outsiders
+    twice = replace(
+        one, causes=(*one.causes, *(replace(cause, indices={"crank": 0, "disc": 0}) for cause in one.causes))
+    )
+    added = to_json(replace(found, outsiders=(twice,)))["outliers"][0]["added"]
+    assert [entry["indices"] for entry in added] == [{"crank": 1, "disc": 0}, {"crank": 0, "disc": 0}]
+    assert all(set(entry["parameters"]) == {"radial", "tangential"} for entry in added)
+
+
 def test_the_page_has_pictures_and_escapes_every_name() -> None:
     page = to_html(lot())
     assert page.count("<svg") == 2  # processes, shares

@@ -35,7 +35,7 @@ def test_a_unit_has_its_own_cause_and_the_lot_its_stiffness() -> None:
     stiffness = first.diagnosis.declared.mechanism.stiffness
     assert stiffness.pin_contact == pytest.approx(1.25 * UNIT.stiffness.pin_contact)
     assert replace(stiffness, pin_contact=UNIT.stiffness.pin_contact) == UNIT.stiffness
-    assert "Unit 017 by itself, explained: sensor.encoder_eccentricity (cos " in to_text(found)
+    assert "Diagnosis of unit 017 alone: explained; sensor.encoder_eccentricity (cos " in to_text(found)
     told = to_json(found)["outliers"]
     assert (told[0]["diagnosis"]["verdict"], told[1]["diagnosis"]) == ("explained", None)
     assert told[0]["diagnosis"]["added"][0]["key"] == "sensor.encoder_eccentricity"

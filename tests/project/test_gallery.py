@@ -43,7 +43,9 @@ def test_each_line_draws_the_kind_that_it_is_named_after() -> None:
 def test_pictures_are_small_and_all_shown() -> None:
     pictures = {path.stem: path.read_bytes() for path in (DOCS / gallery.FOLDER).iterdir()}
     assert set(pictures) == set(gallery.LINES)
-    for name, content in [*pictures.items(), ("before-and-after", (DOCS / "before-and-after.png").read_bytes())]:
+    others = {name: (DOCS / f"{name}.png").read_bytes() for name in gallery.OTHERS}
+    assert {f"theory/{path.stem}" for path in (DOCS / "theory").glob("*.png")} <= set(others)
+    for name, content in (pictures | others).items():
         assert content[:4] == b"\x89PNG", name
         assert len(content) < _MOST, name
 

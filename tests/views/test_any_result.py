@@ -93,7 +93,7 @@ def test_an_efficiency_is_told_with_what_takes_it() -> None:
 def test_a_loop_and_contact_pressures_are_told() -> None:
     loop = every_kind()["Hysteresis"][0]
     means = [row[0].mean() / ARCSEC for row in (loop.rising, loop.falling, loop.width)]
-    assert to_text(loop).splitlines()[3].split() == ["-412", *(f"{mean:.4g}" for mean in means)]
+    assert to_text(loop).splitlines()[4].split() == ["-412", *(f"{mean:.4g}" for mean in means)]
     found = every_kind()["ContactPressure"][0]
     peak = found.peaks()[0]
     (line,) = [line for line in to_text(found).splitlines() if line.startswith(f"{peak.contact} ")]

@@ -17,7 +17,8 @@ from rverror.diagnosis.next_run import Measurement
 from rverror.views import diagnosis_report
 from rverror.views.blocks import MOST_ROWS, as_html, as_text, grid
 from rverror.views.describing import sheet_of
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, Unit
+from rverror.views.variables import Table, Variable
 
 MM3 = Unit("mm**3", "mm**3")
 
@@ -42,6 +43,10 @@ def test_a_share_has_two_decimals() -> None:
     assert (one.strip(), other.strip()) == ("99.87", "0")
 
 
+def test_a_p_value_has_two_digits() -> None:
+    assert text_of(chance=column([3.8571e-19]))[-1].strip() == "3.9e-19"
+
+
 def test_a_direction_is_a_word() -> None:
     *_, one, other = text_of(direction=column([1.0, -1.0]))
     assert (one.strip(), other.strip()) == ("forward", "reverse")
@@ -63,6 +68,11 @@ def test_bare_ends_of_an_interval_are_those_of_the_column_before_them() -> None:
 def test_a_size_has_the_digits_of_the_half_interval_that_is_known() -> None:
     lines = text_of(p99=column([39.482]), p99_low=column([33.28]), p99_high=column([math.inf]))
     assert lines[-1].split() == ["39", "33", "to", "∞"]
+
+
+def test_a_size_that_no_row_has_has_no_interval_either() -> None:
+    lines = text_of(order=column([78.0]), **{f"p99{end}": column([math.nan]) for end in ("", "_low", "_high")})
+    assert lines[-2:] == ["order", "   78"]
 
 
 @pytest.mark.parametrize(("cell", "counted"), [("crank 0", True), ("disc 1, pin 12", True), ("crank 40", False)])
@@ -112,6 +122,16 @@ def test_modes_begin_with_the_lowest_of_the_machine() -> None:
     rest = replace(found, of_sun_support=support)
     lowest = next(f for f, sun in zip(rest.frequency, support, strict=True) if f > 0 and not sun)
     assert f"Lowest mode of the machine: {lowest:.4g} Hz, mode 3;" in to_text(rest)
+
+
+def test_a_run_up_begins_with_its_error_and_the_speed_of_its_vibration() -> None:
+    found = every_kind()["RunUp"][0]
+    vibration = np.zeros(found.time.size)
+    vibration[[1, 2]] = 3 * ARCSEC, -7 * ARCSEC
+    shaken = replace(found, transmission_error=found.crawl + found.windup + vibration)
+    speed, error = found.speed[2] * 30 / math.pi, np.ptp(shaken.transmission_error) / ARCSEC
+    verdict = f"Peak-to-peak of the error {error:.4g} arcsec; the vibration is largest at {speed:.4g} rpm: 7 arcsec."
+    assert to_text(shaken).splitlines()[1] == verdict
 
 
 def test_a_table_of_links_is_shown_whole() -> None:

@@ -285,7 +285,7 @@ def test_what_the_runs_say_of_stiffness_backlash_and_contact_law() -> None:
     assert frame["value"].tolist() == pytest.approx([2.25e5, 3.1e5, 31, 1.125, 1])
     assert frame["low"].tolist() == pytest.approx([2e5, 2e5, 29, np.nan, 1], nan_ok=True)
     assert frame["high"].tolist() == pytest.approx([2.5e5, 4e5, 33, np.nan, 1.25], nan_ok=True)
-    assert frame["told"].tolist() == [True, False, True, True, False]
+    assert frame["determined"].tolist() == [True, False, True, True, False]
     core = to_pandas(diagnosis(), rows="elastic")
     assert core["unit"].tolist()[1:4] == ["N/mm", "mm", "dimensionless"]
     assert core["value"].tolist() == [row.value for row in ELASTIC]

@@ -32,7 +32,8 @@ from rverror.statics.loaded_state import NotConvergedError
 from rverror.views.describing import described, input_files
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.fields import about, rows, same_unit
-from rverror.views.variables import NUMBER, TIME, Table
+from rverror.views.shown_units import NUMBER, TIME
+from rverror.views.variables import Table
 
 MODEL = "model.toml"
 SUMMARY = "summary.csv"

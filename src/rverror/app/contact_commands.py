@@ -37,6 +37,7 @@ from rverror.model.model_file import load_model
 from rverror.statics.duty import Lubricant, duty_efficiency
 from rverror.statics.friction import Efficiency, efficiency, hysteresis
 from rverror.statics.hertz import RollerBearing, contact_pressure
+from rverror.statics.rigidity import MAKERS_SHARE
 
 #: Even angles of an output turn: no divisor of the waves that pins and discs make, and for pressures fine enough for
 #: what single pins do.
@@ -44,7 +45,6 @@ EFFICIENCY_ANGLES, PRESSURE_ANGLES = 101, 800
 _SIDES = {"input": ("input",), "output": ("output",), "both": ("input", "output")}
 #: Of the largest torque of a loop: denser where play and drag bend it.
 _SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
-_LOST_MOTION = 0.03  # of the rated torque, at which makers read it
 
 
 #: Options of a duty's heat, by what the library calls them.
@@ -168,16 +168,12 @@ def _hysteresis(options: argparse.Namespace) -> None:
     """
     model, unit = _loaded(options)
     top = _rated(options, unit) if options.torque is None else options.torque
-    lost = None if unit.rated_torque is None else _LOST_MOTION * unit.rated_torque
-    marked = [lost] if lost is not None and lost <= top else []
-    sizes = {0.0, *(share * top for share in _SHARES), *marked}
+    lost = MAKERS_SHARE * (unit.rated_torque or 0.0)
+    sizes = {0.0, *(share * top for share in _SHARES), *([lost] if lost <= top else [])}
     torques = [units.InCore(size) for size in sorted(sizes | {-size for size in sizes})]
     with named(options.model):
         found = hysteresis(model, [options.angle], torques=torques)
-    write_results(found, options, lambda: found.plot(rated=unit.rated_torque if marked else None))
-    for torque in marked:
-        read = with_unit(float(found.lost_motion(torque)[0]), "angle")
-        print(f"lost motion at +-{100 * _LOST_MOTION:g} % of the rated torque: {read}")
+    write_results(found, options)
 
 
 @command(

@@ -280,7 +280,7 @@ def _law(
         slope=parts.get("torque"),
         temperature=parts.get("temperature"),
         speed=parts.get("speed"),
-        not_told=tuple(notes),
+        not_determined=tuple(notes),
         bent=main.bent,
         noise=main.noise,
         torque=along["torque"],
@@ -301,13 +301,13 @@ def _columns(
         columns["torque"] = cases["torque"]
     else:
         few = ("no case holds a torque", "all cases are at one torque", "there are two torques only")
-        notes.append(f"load is not told: {few[_settings(cases['torque'], same['torque'])]}")
+        notes.append(f"load is not determined: {few[_settings(cases['torque'], same['torque'])]}")
     for name, called in NAMES.items():
         column, note = _column(columns, cases[name], reference[name], same[name])
         if column is not None:
             columns[name] = column
         elif note:
-            notes.append(f"{called} is not told: {note}")
+            notes.append(f"{called} is not determined: {note}")
     return columns, notes
 
 

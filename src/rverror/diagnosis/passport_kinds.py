@@ -80,4 +80,4 @@ def kinds_of(
             found.append(f"changes with the {name}: can be {cause}")
     if not found:
         found.append("no part of it is significant against the noise")
-    return (*found, *sorted({note for law in laws for note in law.not_told}))
+    return (*found, *sorted({note for law in laws for note in law.not_determined}))

@@ -188,8 +188,8 @@ class DirectionLaw:
         rad per K.
     speed : WavePart or None
         rad per rad/s of input speed.
-    not_told : tuple of str
-        What the cases do not tell apart, and why.
+    not_determined : tuple of str
+        What the cases do not determine, and why.
     bent : bool
         Whether the straight law does not hold: the misfit is larger than the noise, or light loads bend it.
     noise : float
@@ -206,11 +206,17 @@ class DirectionLaw:
     slope: WavePart | None
     temperature: WavePart | None
     speed: WavePart | None
-    not_told: tuple[str, ...]
+    not_determined: tuple[str, ...]
     bent: bool
     noise: float
     torque: Array
     waves: Waves
+
+    @property
+    def not_told(self) -> tuple[str, ...]:
+        """Former name of `not_determined`."""
+        warn_former("DirectionLaw.not_told", "DirectionLaw.not_determined")
+        return self.not_determined
 
 
 @dataclass(frozen=True, kw_only=True)

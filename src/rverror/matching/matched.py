@@ -103,7 +103,7 @@ def match(
         alike = at_load.built("units with rollers of one size", together, at_load.of_one_size(together))
         ways.append(at_load.way("rollers of one size in a unit, at random", alike, price.get("sorting")))
     tighter = replace(random, turns=at_load.solved("units of tighter parts", TIGHTER * lot.values(together)))
-    name = f"parts {1 - TIGHTER:.0%} more exact, at random"
+    name = f"parts {100 * (1 - TIGHTER):.0f} % more accurate, at random"
     ways.append(at_load.way(name, tighter, price.get("tighter"), size=TIGHTER))
     if any(len(place.turns) > 1 for place in lot.places):
         alone = at_load.built("units turned", waves.turned(drawn[0]))

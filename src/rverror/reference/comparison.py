@@ -31,7 +31,8 @@ from rverror.runs.reading import refuse
 from rverror.views.bench_report import bench_json, of_figures
 from rverror.views.describing import described, entries
 from rverror.views.fields import COUNT, about, arrays, rows, same_unit
-from rverror.views.variables import ANGLE, POSITION, Table
+from rverror.views.shown_units import ANGLE, POSITION
+from rverror.views.variables import Table
 
 _TURN = 2 * math.pi
 _NO_MATTER = 0.1 * ARCSEC  # waves that a coarse run may miss

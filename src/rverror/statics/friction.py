@@ -31,7 +31,7 @@ from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, felt, stand, unread
 from rverror.statics.energy import Geometry, Layout, samples_first, solve
 from rverror.statics.loaded_state import NotConvergedError, Settled, equilibrium, reducer_of, statics_of
-from rverror.statics.rigidity import on_its_branch
+from rverror.statics.rigidity import MAKERS_SHARE, on_its_branch
 
 _MOST_ROUNDS = 60
 _DEPTH = 6  # rounds that tell the next
@@ -222,11 +222,14 @@ class Hysteresis(Viewed):
         Torque on the output, N*mm, in the order in which it was asked for; positive turns it counter-clockwise.
     rising, falling : ndarray, shape (m, n)
         Turn of the output from the middle of the play as the torque rises and as it falls, rad.
+    rated_torque : float or None
+        Of the reducer, N*mm.
     """
 
     torque: Array
     rising: Array
     falling: Array
+    rated_torque: float | None = None
 
     @property
     def width(self) -> Array:
@@ -254,6 +257,14 @@ class Hysteresis(Viewed):
         size = above_zero("torque", torque, "torque")
         middle = (self.rising + self.falling) / 2
         return on_its_branch(self.torque, middle, size) - on_its_branch(self.torque, middle, -size)
+
+    @property
+    def rated_lost_motion(self) -> Array | None:
+        """`lost_motion` at 3 % of the rated torque, rad; None where the loop does not reach it, or none is rated."""
+        try:
+            return None if self.rated_torque is None else self.lost_motion(MAKERS_SHARE * self.rated_torque)
+        except ValueError:
+            return None
 
 
 def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | None = None) -> Hysteresis:
@@ -303,7 +314,8 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
         [_wound_up(unit, theta, torque, along, friction) - (lower + upper) / 2 for torque in turns]
         for along in (1.0, -1.0)
     ]
-    return Hysteresis(torque=turns, rising=np.array(branches[0]), falling=np.array(branches[1]))
+    rising, falling = map(np.array, branches)
+    return Hysteresis(torque=turns, rising=rising, falling=falling, rated_torque=_reducer(model).rated_torque)
 
 
 def _wound_up(model: Model, theta: Any, torque: float, along: float, friction: Friction) -> Array:

@@ -26,6 +26,8 @@ from rverror.model.readings import unread
 from rverror.statics.loaded_state import equilibrium, reducer_of
 
 _ASKS = "the torsion of a reducer"
+#: Of the rated torque, at which makers read the lost motion.
+MAKERS_SHARE = 0.03
 _ROUNDING = 1e-15  # rad: what is left of the difference of two equal angles, 2e-10 arcsec
 
 

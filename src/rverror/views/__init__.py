@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from rverror.views.describing import input_files as input_files
     from rverror.views.plots.drawing import draw as draw
     from rverror.views.plots.figure import new_figure as new_figure
-    from rverror.views.plots.order_maps import order_map as order_map
+    from rverror.views.plots.spectra import order_map as order_map
     from rverror.views.plots.style import line_style as line_style
     from rverror.views.report import (
         to_csv as to_csv,

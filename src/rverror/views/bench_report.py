@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from rverror.base.numbers import in_arcsec
 from rverror.base.units import ARCSEC
 from rverror.runs.measuring_chain import COVERAGE, BenchUncertainty, Figure
-from rverror.views.blocks import Sheet, grid, line
-from rverror.views.fields import Field, entry
-from rverror.views.variables import ANGLE, NUMBER
+from rverror.views.fields import Field, entry, rows, same_unit
+from rverror.views.shown_units import ANGLE, NUMBER
+from rverror.views.variables import Variable
 
 #: What stands in brackets behind a figure's uncertainty.
 BESIDE = f"bench, k = {COVERAGE:g}"
 _SAME = "the same in every turn and run: no averaging takes it off, and differences between runs are free of it"
 _FIGURES: tuple[Figure, ...] = ("reading", "peak_to_peak", "rms")
-_ANGLES = ("limit", "standard", "in_a_peak_to_peak", "in_an_rms")
+#: Of a part of the budget, which stands in the budget of each figure.
+_PART: dict[str, Field] = {
+    **same_unit(None, "name", "distribution", within="0."),
+    "divisor": ("0.divisor", NUMBER),
+    **same_unit(ANGLE, "limit", "standard", within="0."),
+    "in_a_peak_to_peak": ("1.limit", ANGLE),
+    "in_an_rms": ("2.limit", ANGLE),
+}
+
+
+def _parts(bench: BenchUncertainty) -> Iterable[Any]:
+    return zip(*(bench.budget(figure) for figure in _FIGURES), strict=True)
+
+
+def budget_of(bench: BenchUncertainty | None) -> dict[str, Variable]:
+    """Budget as variables, a row for each part; none where nothing is stated."""
+    return {} if bench is None else rows("bench", _parts(bench), "bench_", **_PART)
 
 
 def of_orders(bench: BenchUncertainty | None) -> dict[str, Field]:
@@ -39,31 +56,13 @@ def bench_json(bench: BenchUncertainty | None, *, whole: bool = True) -> dict[st
     """
     if bench is None:
         return None
-    parts = zip(*(bench.budget(figure) for figure in _FIGURES), strict=True)
     return {
         "coverage_factor": COVERAGE,
         **{f"{figure}_arcsec": in_arcsec(bench.of(figure)) for figure in _FIGURES},
         **({} if whole else {"peak_to_peak_arcsec": None}),
         "heldout_rms_arcsec": in_arcsec(bench.of("rms")),
-        "parts": [
-            {
-                **entry(one, name=None, distribution=None, divisor=NUMBER, limit=ANGLE, standard=ANGLE),
-                "in_a_peak_to_peak": in_arcsec(peak.limit),
-                "in_an_rms": in_arcsec(rms.limit),
-            }
-            for one, peak, rms in parts
-        ],
+        "parts": [entry(one, **_PART) for one in _parts(bench)],
     }
-
-
-def bench_sheet(bench: BenchUncertainty | None, *, whole: bool = True) -> Sheet:
-    """Budget as a report; `whole` as in `bench_json`."""
-    content = bench_json(bench, whole=whole)
-    if bench is None or content is None:
-        return ()
-    parts = content["parts"]
-    heads = [f"{name.replace('_', ' ')}, arcsec" if name in _ANGLES else name for name in parts[0]]
-    return grid(heads, [part.values() for part in parts]) + line(of_figures(bench, whole=whole))
 
 
 def of_figures(bench: BenchUncertainty, *, whole: bool = True) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rverror.base.numbers import brief, count_of
+from rverror.base.numbers import brief
 from rverror.base.text import joined
 from rverror.views.html import escaped
 
@@ -19,6 +19,7 @@ from rverror.views.html import escaped
 MOST_ROWS = 24
 
 _NONE = "–"
+_NAMED = 6  # names in a sentence
 _PAGE, _HEAD = 140, 13  # letters and gaps of a table as wide as a page; letters of a head before it is broken
 _STAYING = ("interval", "unit")
 _WIDEST = 44  # letters of a fact's name or a text cell that others are lined up with
@@ -103,14 +104,7 @@ class Facts:
     facts: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class Notes:
-    """What was noticed; folded away where that can be."""
-
-    notes: tuple[str, ...]
-
-
-Block = Title | Heading | Sentence | Listing | Facts | Notes
+Block = Title | Heading | Sentence | Listing | Facts
 Sheet = tuple[Block, ...]
 
 
@@ -123,14 +117,9 @@ class Ends(tuple[float | None, float | None]):
 # --- blocks that are left out where they would be empty ---------------------------------------------------------------
 
 
-def title(kind: str, *rest: str) -> Sheet:
-    """Title; texts that are empty are left out."""
-    return (Title(kind, tuple(text for text in rest if text)),)
-
-
-def line(text: str) -> Sheet:
-    """A sentence, nothing where there is no text."""
-    return (Sentence(text),) if text else ()
+def line(*texts: str) -> Sheet:
+    """Sentences; those without text are left out."""
+    return tuple(Sentence(text) for text in texts if text)
 
 
 def section(heading: str, *blocks: Block) -> Sheet:
@@ -150,9 +139,16 @@ def facts(given: Mapping[str, str]) -> Sheet:
     return (Facts(known),) if known else ()
 
 
-def notes(given: Sequence[str]) -> Sheet:
-    """Notes, nothing where there are none."""
-    return (Notes(tuple(given)),) if given else ()
+def some_of(names: Sequence[str]) -> str:
+    """The first six of some names, and how many more there are.
+
+    Examples
+    --------
+    >>> some_of(["a", "b"]), some_of(list("abcdefgh"))
+    ('a, b', 'a, b, c, d, e, f and 2 more')
+    """
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def in_words(value: Any) -> Any:
@@ -202,14 +198,12 @@ def as_html(blocks: Sheet, *, folded: bool = False) -> str:
     """
     parts, opened = [], False
     for block in blocks:
-        if folded and isinstance(block, Heading | Notes):
+        if folded and isinstance(block, Heading):
             parts += ["</details>"] * opened
-            opened = isinstance(block, Heading)
-        parts.append(
-            f"<details><summary>{escaped(block.text)}</summary>"
-            if folded and isinstance(block, Heading)
-            else _html_of(block)
-        )
+            opened = True
+            parts.append(f"<details><summary>{escaped(block.text)}</summary>")
+        else:
+            parts.append(_html_of(block))
     return "\n".join(parts + ["</details>"] * opened)
 
 
@@ -232,10 +226,6 @@ def _html_of(block: Block) -> str:
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
             )
             return "<table><tbody>" + "\n".join(rows_of) + "</tbody></table>"
-        case Notes():
-            listed = "".join(map(_soft, block.notes))
-            heading = count_of(len(block.notes), "note")
-            return f'<details class="soft"><summary>{heading}</summary>{listed}</details>'
 
 
 def _table(listing: Listing, part: Sequence[int]) -> str:
@@ -258,7 +248,7 @@ def as_text(blocks: Sheet) -> str:
     """Report as text that ends with a line end, its tables lined up."""
     lines: list[str] = []
     for before, block in itertools.pairwise((None, *blocks)):
-        apart = isinstance(block, Heading | Listing | Facts | Notes) or isinstance(before, Listing | Facts)
+        apart = isinstance(block, Heading | Listing | Facts) or isinstance(before, Listing | Facts)
         if apart and not isinstance(before, Heading | None):
             lines.append("")
         lines += _text_of(block) if block else ()
@@ -288,6 +278,3 @@ def _text_of(block: Block) -> Iterator[str]:
         case Facts():
             width = min(_WIDEST, max((len(name) for name, _ in block.facts), default=0))
             yield from (f"{name:{width}}  {text}" for name, text in block.facts)
-        case Notes():
-            yield "Notes"
-            yield from (f"  {note}" for note in block.notes)

@@ -15,7 +15,8 @@ from rverror.views.describing import described, entries, sheet, sheet_of, table 
 from rverror.views.diagnosis_report import SIGNALS, validation_json
 from rverror.views.fields import about, entry, rows
 from rverror.views.model_report import name_of
-from rverror.views.variables import ANGLE, NUMBER, TORQUE, Table
+from rverror.views.shown_units import ANGLE, NUMBER, TORQUE
+from rverror.views.variables import Table
 
 _BENCH_REPEATS = "The bench's own error repeats as the gears' does, so the table holds it, and the output keeps it."
 
@@ -65,19 +66,17 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
 
 
 def _written(made: WrittenTable) -> dict[str, Any]:
-    return {
-        "points": made.points or None,
-        **entry(
-            made,
-            output_torque_newton_metre=("torque", TORQUE),
-            format=None,
-            expected_rms_arcsec=("expected", ANGLE),
-            between_points_rms_arcsec=("between", ANGLE),
-            waves_rms_arcsec=("waves", ANGLE),
-            slipped_by_one_degree_rms_arcsec=("slipped", ANGLE),
-            orders_left_out="left_out",
-        ),
-    }
+    return entry(
+        made,
+        points=lambda table: table.points or None,
+        output_torque_newton_metre=("torque", TORQUE),
+        format=None,
+        expected_rms_arcsec=("expected", ANGLE),
+        between_points_rms_arcsec=("between", ANGLE),
+        waves_rms_arcsec=("waves", ANGLE),
+        slipped_by_one_degree_rms_arcsec=("slipped", ANGLE),
+        orders_left_out="left_out",
+    )
 
 
 @sheet.register

@@ -10,6 +10,7 @@ import hashlib
 import math
 import os
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import singledispatch
@@ -21,13 +22,16 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
 from rverror.base.text import read_bytes
 from rverror.base.version import __version__
-from rverror.views.blocks import Ends, Sentence, Sheet, as_text, facts, grid, line, notes, section, title
-from rverror.views.variables import LONG, PERCENT, Table, columns as columns_along, unit_for_people
+from rverror.views.blocks import Ends, Sentence, Sheet, Title, as_text, facts, grid, line, section
+from rverror.views.html import shipped
+from rverror.views.shown_units import PERCENT, unit_for_people
+from rverror.views.variables import LONG, Table, columns as columns_along
 
 _COURSES = LONG | {"speed"}  # dimensions along which a result runs: some of its rows tell it
 _SOME = 20
-_SHARE_DIGITS = 2  # decimals of a share in percent
+_SHARE_DIGITS = 2  # decimals of a share in percent, digits of a p-value
 _ROUNDING = 1e-12  # of the largest of a column, below which a number is the rounding of zero
+_WORDING = tomllib.loads(shipped("words.toml"))  # names and headings as people write them
 _WORDS = ("held_by", "moves", "part", "verdict")  # columns of words that the model file joins by underscores
 
 
@@ -90,21 +94,24 @@ def _plain(value: Any) -> Any:
 def sheet_of(result_table: Table) -> Sheet:
     """Report of a table: its single numbers, its rows along one dimension after another, what was noticed."""
     strong, rest = result_table.verdict
-    others = [dim for dim in result_table.dims if dim != result_table.rows and dim not in LONG]
-    headings = [(dim, _HEADINGS.get(dim, _words(dim).capitalize())) for dim in others]
     blocks = (
-        *title(kind_in_words(result_table), *result_table.title),
+        Title(kind_in_words(result_table), tuple(filter(None, result_table.title))),
         *((Sentence(rest, strong),) if strong else ()),
         *facts({**_single_numbers(result_table), **result_table.facts}),
         *listed(result_table, result_table.rows),
-        *map(Sentence, result_table.sentences),
+        *(one if isinstance(one, Sentence) else Sentence(one) for one in result_table.sentences),
     )
-    sections = tuple(block for dim, heading in headings for block in section(heading, *listed(result_table, dim)))
+    sections: Sheet = ()
+    for dim in result_table.dims:
+        if dim != result_table.rows and dim not in LONG:
+            heading = _WORDING["headings"].get(dim, _words(dim).capitalize())
+            remarks = result_table.remarks.get(dim, ())
+            sections += section(heading, *listed(result_table, dim), *line(*remarks))
     return (
         *blocks,
         *line(_COUNTED if strong and re.search(_INDEX, as_text(blocks + sections)) else ""),
         *sections,
-        *notes([note for note in str(result_table.about.get("notes", "")).split("\n") if note]),
+        *section("Notes", *line(*str(result_table.about.get("notes", "")).split("\n"))),
     )
 
 
@@ -112,7 +119,7 @@ def _single_numbers(result_table: Table) -> dict[str, str]:
     """Numbers that have no dimension, with their units; the ends of an interval in brackets behind what it is of."""
     shown = {name: of.shown(display=True).item() for name, of in result_table.variables.items() if not of.dims}
     facts_of = {}
-    for name in [name for name in shown if not name.endswith(("_low", "_high"))]:
+    for name in result_table.shown.get("", [name for name in shown if not name.endswith(("_low", "_high"))]):
         base = name.removesuffix("_value")
         unit = unit_for_people(result_table.variables[name].unit_text(display=True))
         value, ends = brief(shown[name]), ""
@@ -130,7 +137,7 @@ def kind_in_words(result_table: Table) -> str:
     >>> kind_in_words(Table({}, kind="OrderTable"))
     'Order table'
     """
-    return re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize()
+    return _words(re.sub(r"(?<=[a-z])([A-Z])", r" \1", result_table.kind).capitalize())
 
 
 def listed(result_table: Table, dim: str) -> Sheet:
@@ -165,6 +172,8 @@ def _readable(name: str, values: Any, unit: str) -> Any:
         return values
     if unit == PERCENT.shown:
         return np.round(values, _SHARE_DIGITS)
+    if name.endswith("chance"):
+        return np.array([float(f"{value:.{_SHARE_DIGITS}g}") for value in values])
     return np.where(np.abs(values) < _ROUNDING * np.abs(values[np.isfinite(values)]).max(initial=0.0), 0.0, values)
 
 
@@ -172,20 +181,16 @@ def _with_intervals(columns: Mapping[str, list[Any]]) -> dict[str, list[Any]]:
     """Columns in which the ends of an interval are one, behind what it is of; values keep the digits that it leaves."""
     joined: dict[str, list[Any]] = {}
     before = list(columns)[: list(columns).index("low")] if "low" in columns else []
-    owner = "value" if "value" in before else before[-1] if before else None  # bare ends are of what they follow
+    owner = "value" if "value" in before else next(iter(before[::-1]), "")  # bare ends are of what they follow
     for name, values in columns.items():
-        lows, highs = (columns.get(f"{name}_{end}") for end in ("low", "high"))
-        if name in ("low", owner):
-            lows, highs = columns["low"], columns["high"]
-        if lows is None or highs is None:
-            if name.split("_")[-1] not in ("low", "high"):
-                joined[name] = values
-            continue
-        each = [_rounded(*row) for row in zip(values, lows, highs, strict=True)]
-        if name != "low":
+        of = "" if name == owner else f"{name}_"
+        if f"{of}low" in columns:
+            each = [_rounded(*row) for row in zip(values, columns[f"{of}low"], columns[f"{of}high"], strict=True)]
             joined[name] = [value for value, *_ in each]
-        if any(map(_is_known, values)) and (name != "low" or owner is None):
-            joined["interval" if name in ("low", owner) else f"{name}_interval"] = [Ends(ends) for _, *ends in each]
+            if any(map(_is_known, values)):
+                joined[f"{of}interval"] = [Ends(ends) for _, *ends in each]
+        elif name.split("_")[-1] not in ("low", "high"):
+            joined[name] = values
     return joined
 
 
@@ -216,51 +221,11 @@ def _is_known(value: Any) -> bool:
 
 
 def _words(name: str) -> str:
-    for written, spoken in _SPOKEN.items():
+    for written, spoken in _WORDING["names"].items():
         name = name.replace(written, spoken)
     return name.replace("_", " ")
 
 
-#: Parts of names that people write otherwise.
-_SPOKEN = {
-    "peak_to_peak": "peak-to-peak",
-    "heldout": "held-out",
-    "sobol": "Sobol",
-    "told": "determined",
-    "theta": "output angle",
-    "crawl": "low-speed",
-    "pulled": "tensile share,",
-    "above_zero": "significant",
-    "cost_scaled_alike": "cost with all widths scaled alike",
-    "cost_per_percent_of_limits_gained": "cost per 1 % of limits",
-    "saved_per_percent_of_limits_given_up": "saving per 1 % of limits",
-    "chance": "p-value",
-    "natural_": "",
-    "of_sun_support": "of the sun's support",
-    "size_interval": "interval",
-    "size_unit": "unit",
-    **{f"lost_{part}": f"{part}_loss" for part in ("pin", "mesh", "crank_bearing", "carrier_bearing", "drag")},
-    **{f"p{level}": f"P{level}" for level in (50, 95, 99)},
-}
-#: Headings of rows whose dimension is no word for people.
-_HEADINGS = {
-    "change": "Causes of the change",
-    "condition": "Output error by condition",
-    "critical": "Critical speeds",
-    "group": "Groups that differ",
-    "limit_at_load": "Limits under load",
-    "mode": "Natural frequencies",
-    "order": "Orders",
-    "outlier": "Units that do not belong to the lot",
-    "own": "Units that differ from the others",
-    "pair": "Pairs of nearly equal units",
-    "part": "Losses by part",
-    "shift": "Systematic errors",
-    "size": "Output error of the units",
-    "stage": "Before and after",
-    "unseen": "Measurements that no fit saw",
-    "way": "Ways to assemble",
-}
 _INDEX = r"\b(crank|disc) \d\b|\bpin \d"  # "crank 40" is a frame, the order of what is fixed in it
 _COUNTED = "Cranks, discs and pins are counted from 0."
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,21 +14,22 @@ from rverror.base.numbers import brief, count_of, way
 from rverror.base.text import describe
 from rverror.diagnosis.next_run import Coverage, Measurement, folds, to_place, to_separate
 from rverror.diagnosis.result import Addition, Diagnosis, Line
-from rverror.geartrain.mechanism import Drive
+from rverror.geartrain.mechanism import Drive, Mechanism
 from rverror.geartrain.source import IndexValue
 from rverror.model.catalogue import CATALOGUE
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.views.bench_report import BESIDE, bench_json, bench_sheet, of_orders, order_json
-from rverror.views.blocks import Sentence, Sheet, line, notes, section, title
-from rverror.views.by_order import samples_per_turn, sideband_frames, turns_of
-from rverror.views.describing import InputFile, content, content_of, described, enveloped, listed, sheet, table
+from rverror.runs.spectrum import frames_of_order
+from rverror.views.bench_report import BESIDE, bench_json, budget_of, of_figures, of_orders, order_json
+from rverror.views.blocks import Sentence, Sheet, some_of
+from rverror.views.by_order import turns_of
+from rverror.views.describing import InputFile, content, content_of, described, enveloped, sheet, sheet_of, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Unit
+from rverror.views.variables import Table, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
-_NAMED = 6  # rivals of a cause
 _RESIDUAL = ("rms", "peak_to_peak", "heldout_rms")
 _SAMPLES = {
     **{name: name for name in ("theta", "measured", "before", "after")},
@@ -58,6 +59,45 @@ def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
     if diagnosis.quantity != "angle":
         return None
     return uncertainty_of(diagnosis.declared.encoders, diagnosis.declared.mechanism.ratio)
+
+
+# --- orders and their sampling ----------------------------------------------------------------------------------------
+
+
+def samples_per_turn(diagnosis: Diagnosis) -> float:
+    """Samples an output turn of the coarsest run; infinite where traces do not keep it, as those of a drive."""
+    if isinstance(diagnosis.declared.mechanism, Drive) or not diagnosis.traces:
+        return math.inf
+    return min(float(trace.theta.size / turns_of(trace.theta)) for trace in diagnosis.traces)
+
+
+def sideband_frames(mechanism: Mechanism, order: float) -> tuple[str, ...]:
+    """Frames of which an order that fits none is a sideband, once or twice an output turn away.
+
+    Parameters
+    ----------
+    mechanism : Reducer or Drive
+    order : float
+        Per output turn.
+
+    Returns
+    -------
+    tuple of str
+        Empty where the order fits a frame itself, or where there is none beside it.
+
+    Examples
+    --------
+    >>> from rverror import reducer
+    >>> [sideband_frames(reducer("RV-40E"), order) for order in (77, 78, 36)]
+    [('1 below housing 39 x 2',), (), ()]
+    """
+    if frames_of_order(mechanism, order):
+        return ()
+    for away in (-1, 1, -2, 2):
+        near = [f for f in frames_of_order(mechanism, order - away) if order - away > 2.5]
+        if near:
+            return (f"{abs(away)} {'above' if away > 0 else 'below'} {near[0]}",)
+    return ()
 
 
 # --- what to measure next ---------------------------------------------------------------------------------------------
@@ -102,7 +142,8 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 
 
 @described.register
-def _diagnosis_table(result: Diagnosis) -> Table:
+def diagnosis_table(result: Diagnosis) -> Table:
+    """What a diagnosis tells: verdict, sizes, rivals, what to measure next, and the numbers behind it."""
     signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
     of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
     shares = same_unit(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
@@ -130,7 +171,7 @@ def _diagnosis_table(result: Diagnosis) -> Table:
             ("elastic_unit", "dimension"),
             name=None,
             **same_unit(OWN, "declared", "value", "low", "high"),
-            told="determined",
+            determined=None,
         ),
         **passports(result.passport, bench),
         **resonances(result.resonances),
@@ -138,17 +179,24 @@ def _diagnosis_table(result: Diagnosis) -> Table:
         **_traces(result, signal),
         **_angles_of(result, "set_aside", "set_aside"),
         **_angles_of(result, "slip", "slips"),
+        **budget_of(bench),
     }
     about_it = {"model": name_of(result.declared), "candidates_tried": result.tried}
     about_it |= about(result, "verdict", "quantity", "notes")
     named = (describe(one.effect.key, one.effect.indices) for one in result.added)
+    causes = [one for one in result.added if _is_cause(one)]
     return Table(
         variables,
         about_it,
         title=(name_of(result.declared), result.verdict.replace("_", " "), *named),
+        verdict=_verdict(result),
+        sentences=(*(said for one in causes for said in _about(one, result)), *_steps(result)),
+        remarks=_remarks(result, bench),
         shown={
             "added": ("effect", "parameter", "value", "interval", "unit"),
             "unexplained": ("order", "amplitude", "interval", "bench_uncertainty", "frames", "alias_of"),
+            **({} if _tells_loads(result) else {"passport": (), "law": ()}),
+            **dict.fromkeys(("", "candidate", "set_aside", "slip"), ()),
         },
     )
 
@@ -263,7 +311,6 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = same_unit(OWN, "declared", "value", "low", "high")
-    stiffness: dict[str, Field] = {"name": None, "unit": OWN_NAME, **sizes, "told": lambda one: bool(one.determined)}
     return {
         **own,
         "variables": variables,
@@ -288,7 +335,10 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             }
             for addition, step in next_steps(diagnosis)
         ],
-        "stiffness": [entry(one, one.dimension, **stiffness) for one in diagnosis.elastic],
+        "stiffness": [
+            {**entry(one, one.dimension, name=None, unit=OWN_NAME, **sizes), "determined": bool(one.determined)}
+            for one in diagnosis.elastic
+        ],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
         "validation": validation_json(diagnosis.validation, signal),
@@ -329,46 +379,21 @@ def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 @sheet.register
 def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
-    """Diagnosis as a report: what is missing, what to measure next, then the numbers behind it."""
-    own_table, bench = table(diagnosis), stated_bench(diagnosis)
-    kinds = kinds_of_causes(diagnosis.passport)
+    """Diagnosis as a report, its name alone above the verdict, which says the rest."""
+    return sheet_of(replace(table(diagnosis), title=(name_of(diagnosis.declared),)))
+
+
+def _remarks(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> dict[str, Sequence[str]]:
+    """Sentences below the tables."""
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
-    return (
-        *title("Diagnosis", name_of(diagnosis.declared)),
-        _verdict(diagnosis),
-        *listed(own_table, "stage"),
-        *line(_credit(diagnosis)),
-        *listed(own_table, "added"),
-        *(sentence for one in diagnosis.added if _is_cause(one) for sentence in _about(one, diagnosis)),
-        *_steps(diagnosis),
-        *section(
-            "Lines that no source of the catalogue explains",
-            *listed(own_table, "unexplained"),
-            *line(own if diagnosis.unexplained else ""),
-        ),
-        *section("Measurements that no fit saw", *listed(own_table, "unseen")),
-        *section(
-            "Orders over load, speed and temperature",
-            *(
-                (*listed(own_table, "passport"), *listed(own_table, "law"), *map(Sentence, kinds))
-                if _tells_loads(diagnosis)
-                else ()
-            ),
-        ),
-        *section(
-            "Natural frequencies that orders show over the speed",
-            *listed(own_table, "resonance"),
-            *listed(own_table, "peak"),
-            *line(alone(diagnosis.resonances)),
-        ),
-        *section("What accounts for the power of each order", *listed(own_table, "share")),
-        *section(
-            "Stiffness, backlash and contact law", *listed(own_table, "elastic"), *line(_not_determined(diagnosis))
-        ),
-        *section("What was declared", *listed(own_table, "declared"), *listed(own_table, "run")),
-        *section("What the bench leaves uncertain", *bench_sheet(bench, whole=not diagnosis.shares)),
-        *notes(diagnosis.notes),
-    )
+    return {
+        "stage": [_credit(diagnosis)],
+        "unexplained": [own] if diagnosis.unexplained else [],
+        "law": kinds_of_causes(diagnosis.passport) if _tells_loads(diagnosis) else [],
+        "peak": [alone(diagnosis.resonances)],
+        "elastic": [_not_determined(diagnosis)],
+        "bench": [] if bench is None else [of_figures(bench, whole=not diagnosis.shares)],
+    }
 
 
 def _tells_loads(diagnosis: Diagnosis) -> bool:
@@ -382,7 +407,7 @@ def _is_cause(addition: Addition) -> bool:
     return entry is None or entry.is_cause
 
 
-def _verdict(diagnosis: Diagnosis) -> Sentence:
+def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
     """The outcome in one or two sentences."""
     unit, bench = SIGNALS[diagnosis.quantity].unit, stated_bench(diagnosis)
     before, after, noise = (
@@ -408,7 +433,7 @@ def _verdict(diagnosis: Diagnosis) -> Sentence:
         ),
     }
     strong, rest = words[diagnosis.verdict]
-    return Sentence(f": {rest} {fall}", strong)
+    return strong, f": {rest} {fall}"
 
 
 def _or_rivals(others: Sequence[tuple[str, Mapping[str, IndexValue]]]) -> str:
@@ -429,29 +454,26 @@ def _credit(diagnosis: Diagnosis) -> str:
         return ""
     if share < 0.05:
         return (
-            "Refitting the declared sizes within their uncertainty makes most of this fall; what was added takes off "
+            "Refitting the declared sizes within their uncertainty makes most of the fall; what was added takes off "
             "the rest, which noise does not explain."
         )
     return (
-        f"Of this fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
+        f"Of the fall in mean square, {100 * share:.0f} % is due to what was added, the rest to refitting the "
         "declared sizes within their uncertainty."
     )
 
 
-def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[Sentence]:
+def _about(one: Addition, diagnosis: Diagnosis) -> Iterator[str]:
     """What a cause is, where it shows, what cannot be told from it."""
     known, indices = CATALOGUE.get(one.effect.key), one.effect.indices
     name, orders = describe(one.effect.key, indices), ", ".join(brief(order) for order in one.orders)
     summary, frame = (known.summary, known.frame) if known else ("a source of your own", "")
     fixed = f", fixed in the {frame}" if frame in _PARTS and not isinstance(diagnosis.declared.mechanism, Drive) else ""
-    counted = "; cranks, discs and pins are counted from 0" if {"crank", "disc", "pin"} & set(indices) else ""
     shows = f"shows at {'orders' if ',' in orders else 'order'} {orders}" if orders else "shows at no order"
-    yield Sentence(f"{name}: {summary}{fixed}; it {shows}{counted}.")
+    yield f"{name}: {summary}{fixed}; it {shows}."
     if one.indistinguishable:
-        others = [describe(*other) for other in one.indistinguishable]
-        more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-        yield Sentence(f"These runs cannot tell {name} from {', '.join(others[:_NAMED])}{more}.")
-    yield from (Sentence(f"{name}: {note}.") for note in one.notes)
+        yield f"These runs cannot tell {name} from {some_of([describe(*other) for other in one.indistinguishable])}."
+    yield from (f"{name}: {note}." for note in one.notes)
 
 
 def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:

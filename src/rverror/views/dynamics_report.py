@@ -17,7 +17,8 @@ from rverror.dynamics.natural_modes import Modes
 from rverror.dynamics.running_up import RunUp
 from rverror.views.describing import described, entries
 from rverror.views.fields import arrays, rows, same_unit
-from rverror.views.variables import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Each, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, HERTZ, NUMBER, POSITION, SPEED, TIME, TORQUE, Unit
+from rverror.views.variables import Each, Table, Variable
 
 #: Units of a shape at a modal mass of 1 kg.
 _SHAPE = {"x": NUMBER, "y": NUMBER, "angle": Unit("rad/mm", "arcsec/um", ARCSEC * 1e3)}
@@ -205,8 +206,21 @@ def _run_up_table(result: RunUp) -> Table:
             for name in ("transmission_error", "vibration", "windup")
         },
     }
+    largest = int(np.abs(result.vibration).argmax())
+    vibration, speed = float(np.abs(result.vibration[largest])), float(result.speed[largest])
+    verdict = (
+        f"Peak-to-peak of the error {with_unit(float(np.ptp(result.transmission_error)), 'angle')}",
+        f"; the vibration is largest at {with_unit(speed, 'angular_speed')}: {with_unit(vibration, 'angle')}.",
+    )
+    single = ("vibration_peak_to_peak", "windup_peak_to_peak")
     about = {"direction": way(result.direction)}
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
         about["notes"] = f"from {first} s on contacts would have to pull: they open, and the error is no prediction"
-    return Table(variables, about, title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"))
+    return Table(
+        variables,
+        about,
+        title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"),
+        verdict=verdict,
+        shown={"": single},
+    )

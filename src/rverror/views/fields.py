@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from rverror.base.numbers import rounded
+from rverror.base.text import printable
 from rverror.views.blocks import in_words
-from rverror.views.variables import NUMBER, PERCENT, Each, Unit, Variable, unit_of
+from rverror.views.shown_units import NUMBER, PERCENT, Unit, unit_of
+from rverror.views.variables import Each, Variable
 
 #: Whole numbers, kept as such.
 COUNT = Unit("dimensionless", "dimensionless")
@@ -72,8 +74,7 @@ def rows(
     """
     listed, made = list(things), {}
     units = Each(own[0], tuple(_own(value_at(row, own[1])) for row in listed)) if own else None
-    for name, field in fields.items():
-        getter, unit = _parts(name, field)
+    for name, (getter, unit) in _each(fields):
         values: Any = [in_words(value_at(row, getter)) for row in listed]
         if unit is not None:
             values = np.array(values, dtype=int if unit is COUNT else np.float64)
@@ -107,7 +108,10 @@ def arrays(dims: str, thing: Any, prefix: str = "", /, **fields: Field) -> dict[
 def about(thing: Any, *names: str, **others: Any) -> dict[str, Any]:
     """Where a result comes from: attributes of it, several texts as lines of one, and what else is known."""
     found = {name: getattr(thing, name) for name in names}
-    return {**others, **{name: "\n".join(one) if isinstance(one, tuple) else one for name, one in found.items()}}
+    return {
+        **others,
+        **{name: "\n".join(map(printable, one)) if isinstance(one, tuple) else one for name, one in found.items()},
+    }
 
 
 def same_unit(unit: Unit | Each | None, *names: str, within: str = "") -> dict[str, Field]:
@@ -137,7 +141,7 @@ def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str,
 
     Examples
     --------
-    >>> from rverror.views.variables import LENGTH
+    >>> from rverror.views.shown_units import LENGTH
     >>> entry(3 + 4j, real=None, size=(abs, LENGTH))
     {'real': 3.0, 'size': 5000.0}
     """

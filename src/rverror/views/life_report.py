@@ -11,12 +11,13 @@ from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.life.result import Changed, Grown, RunsCompared, Trend
 from rverror.lots.result import Interval
+from rverror.views.blocks import some_of
 from rverror.views.describing import described, entries
 from rverror.views.fields import OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
-from rverror.views.variables import ANGLE, HOURS, NUMBER, Table, Unit, Variable
+from rverror.views.shown_units import ANGLE, HOURS, NUMBER, Unit
+from rverror.views.variables import Table, Variable
 
 _LACKING = 0.001  # chance below which what is left is more than noise
-_NAMED = 4  # rivals
 _SHOWN = ("source", "parameter", "course", "since", "size", "size_interval", "unit")
 
 
@@ -55,7 +56,7 @@ def _trend_table(result: Trend) -> Table:
         verdict=_trend_verdict(result),
         facts={"conditions": "; ".join(result.conditions)},
         sentences=(*_rivals(result.changed), *remains),
-        shown={"change": (*_SHOWN, per, f"{per}_interval"), "session": ()},
+        shown={"change": (*_SHOWN, per, f"{per}_interval"), "session": (), "": ()},
     )
 
 
@@ -181,9 +182,8 @@ def _rivals(changed: Sequence[Changed]) -> Iterator[str]:
         if one.measuring:
             yield f"{name} is an error of the measuring chain, not of the unit."
         if one.rivals:
-            others = [describe(key, dict(indices)) for key, indices in one.rivals]
-            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-            yield f"These measurements cannot tell {name} from {', '.join(others[:_NAMED])}{more}."
+            others = some_of([describe(key, dict(indices)) for key, indices in one.rivals])
+            yield f"These measurements cannot tell {name} from {others}."
 
 
 def remaining_words(trend: Trend) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -17,10 +18,12 @@ from rverror.lots.of_drives import DriveLot
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
 from rverror.model.catalogue import source
+from rverror.views.blocks import some_of
 from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import added_json
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, sized
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, Table, Variable
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION
+from rverror.views.variables import Table, Variable
 
 _LACKING = 0.001  # chance below which the model lacks something
 
@@ -40,7 +43,8 @@ def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
 
 
 @described.register
-def _lot_table(result: Lot) -> Table:
+def lot_table(result: Lot) -> Table:
+    """Processes, what differs and what the lot makes, as variables."""
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
     variables = {
@@ -54,8 +58,8 @@ def _lot_table(result: Lot) -> Table:
             indices=None,
             parameters=lambda one: ", ".join(one.parameters),
             **sized("deviation", OWN, "deviation"),
-            above_zero=None,
-            share=PERCENT,
+            above_zero=lambda one: None if one.deviation is None else one.above_zero,
+            share=(lambda one: None if one.deviation is None else one.share, PERCENT),
             alike=None,
             tolerance=None,
             cp=("capability", NUMBER),
@@ -185,18 +189,15 @@ def _difference(row: tuple[Any, Shift], **before: Field) -> dict[str, Any]:
 
 def _added(causes: Sequence[Shift], rivals: Sequence[str]) -> list[dict[str, Any]]:
     """Causes by their place, each with its parameters."""
-    parts: dict[tuple[Any, ...], list[Shift]] = {}
-    for cause in causes:
-        parts.setdefault(_place(cause.key, cause.indices, ""), []).append(cause)
     sizes = same_unit(OWN, "value", "low", "high", within="size.")
     return [
         {
-            "key": some[0].key,
-            "indices": dict(some[0].indices),
+            "key": key,
+            "indices": indices,
             "parameters": {one.parameter: entry(one, one.dimension, unit=OWN_NAME, **sizes) for one in some},
             "indistinguishable_from": list(rivals),
         }
-        for some in parts.values()
+        for (key, indices), some in itertools.groupby(causes, lambda one: (one.key, dict(one.indices)))
     ]
 
 
@@ -218,7 +219,7 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
     """What is not told apart, what does not show, what was looked for and not found."""
     for one in lot.processes:
         if one.alike and one.deviation is not None:
-            others = ", ".join(one.alike)
+            others = some_of(one.alike)
             yield f"{process_name(one)} cannot be distinguished from {others}: the size is that of all together."
     unseen = [process_name(one) for one in lot.processes if one.deviation is None]
     if unseen:
@@ -228,9 +229,9 @@ def _lot_sentences(lot: Lot) -> Iterator[str]:
         *((f"{one.label} {one.value}", one.rivals) for one in lot.differences),
         *((f"change since {one.since}", one.rivals) for one in lot.changes),
     ]
-    yield from (f"For {what} these fit as well: {', '.join(others)}." for what, others in found if others)
+    yield from (f"For {what} these fit as well: {some_of(others)}." for what, others in found if others)
     unclear = [one for one in lot.outsiders if one.rivals and not one.causes]
-    yield from (f"Unit {one.serial} has a gross error of one of these: {', '.join(one.rivals)}." for one in unclear)
+    yield from (f"Unit {one.serial} has a gross error of one of these: {some_of(one.rivals)}." for one in unclear)
     yield from _diagnosed(lot)
     looked: dict[str, Sequence[object]] = {"units that do not belong to the lot": lot.outsiders}
     if lot.marked:
@@ -257,7 +258,8 @@ def _diagnosed(lot: Lot) -> Iterator[str]:
                 f"{describe(a.effect.key, a.effect.indices)} ({', '.join(map(_size, a.estimates))})"
                 for a in one.diagnosis.added
             ]
-            yield f"Unit {one.serial} by itself, {one.diagnosis.verdict}: {'; '.join(added) or 'nothing named'}."
+            verdict = one.diagnosis.verdict.replace("_", " ")
+            yield f"Diagnosis of unit {one.serial} alone: {verdict}; {'; '.join(added) or 'no cause named'}."
 
 
 def _size(one: Estimate) -> str:
@@ -364,9 +366,8 @@ def _matched_content(result: Matched) -> dict[str, Any]:
 
 
 def _serials(some: Sequence[str]) -> str:
-    """Serial numbers of parts that stay, eight at most."""
-    counted = [serial + f" ({count})" * (count > 1) for serial, count in Counter(some).items()]
-    return ", ".join(counted[:8]) + ", ..." * (len(counted) > 8)
+    """Serial numbers of parts that stay."""
+    return some_of([serial + f" ({count})" * (count > 1) for serial, count in Counter(some).items()])
 
 
 def place_name(part: MountedPart) -> str:

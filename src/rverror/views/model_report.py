@@ -22,24 +22,10 @@ from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
 from rverror.views.describing import described
 from rverror.views.fields import COUNT, OWN, Field, arrays, rows
-from rverror.views.variables import (
-    ANGLE,
-    NUMBER,
-    POSITION,
-    SIZE,
-    SPEED,
-    STIFFNESS,
-    TEMPERATURE,
-    TIME,
-    TORQUE,
-    Each,
-    Table,
-    Unit,
-    Variable,
-    unit_of,
-)
+from rverror.views.shown_units import ANGLE, NUMBER, POSITION, SIZE, SPEED, TEMPERATURE, TIME, TORQUE, Unit, unit_of
+from rverror.views.variables import Each, Table, Variable
 
-_GEOMETRY = {"length": SIZE, "angle": POSITION, "torque": TORQUE, "stiffness": STIFFNESS}
+_GEOMETRY = {"length": SIZE, "angle": POSITION}
 
 
 # --- pieces -----------------------------------------------------------------------------------------------------------

@@ -16,7 +16,8 @@ from rverror.diagnosis.wave_fit import DirectionLaw, WavePart
 from rverror.runs.measuring_chain import BenchUncertainty
 from rverror.views.bench_report import of_orders, order_json
 from rverror.views.fields import OWN, Field, entry, rows, same_unit, sized
-from rverror.views.variables import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit, Variable
+from rverror.views.shown_units import ANGLE, HERTZ, NUMBER, PERCENT, POSITION, SPEED, TEMPERATURE, Unit
+from rverror.views.variables import Variable
 
 _PER_LOAD = Unit("rad/(N*mm)", "arcsec/(kN*m)", ARCSEC / 1e6)
 _PER_SPEED = Unit("s", "arcsec/krpm", ARCSEC * 30 / (1000 * math.pi))
@@ -106,7 +107,7 @@ def _law_json(law: DirectionLaw) -> dict[str, Any]:
     return {
         "direction": way(law.direction),
         **{key: None if part is None else entry(part, unit, **of_part) for key, (part, unit) in parts.items()},
-        **entry(law, **same_unit(None, "cases", "bent", "not_told")),
+        **entry(law, **same_unit(None, "cases", "bent", "not_determined")),
     }
 
 

@@ -16,7 +16,7 @@ from rverror.base.spreadsheet import workbook
 from rverror.base.text import PathLike, printable
 from rverror.base.version import __version__
 from rverror.diagnosis.result import Diagnosis
-from rverror.views.blocks import Heading, Notes, Sheet, Title, as_html, as_text, grid, line, section
+from rverror.views.blocks import Heading, Sheet, Title, as_html, as_text, grid, line, section
 from rverror.views.describing import InputFile, enveloped
 from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.html import document, escaped
@@ -24,7 +24,8 @@ from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw
 from rverror.views.plots.page_figures import figures_of
 from rverror.views.plots.zoomable import scripts
-from rverror.views.variables import LONG, NUMBER, Table, columns
+from rverror.views.shown_units import NUMBER
+from rverror.views.variables import LONG, Table, columns
 
 
 def to_text(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
@@ -137,7 +138,7 @@ def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     first, *rest = sheet(result, **options)
     assert isinstance(first, Title)
     name = f"{first.kind}: {first.rest[0]}" if first.rest else first.kind
-    lead = next((at for at, block in enumerate(rest) if isinstance(block, Heading | Notes)), len(rest))
+    lead = next((at for at, block in enumerate(rest) if isinstance(block, Heading)), len(rest))
     lacking = [escaped("Its pictures need matplotlib; install it by pip install 'rverror[plot]'.")]
     figures = figures_of(result, **options) if can_draw() else lacking
     drawn = "\n".join(f'<figure><div class="scroll">{one}</div></figure>' for one in figures)
@@ -215,8 +216,8 @@ def to_xlsx(result: Any, /, *, path: PathLike = "workbook") -> bytes:
     b'PK'
     """
     result_table = table(result)
-    single = [(name, of, of.shown(display=True).item()) for name, of in result_table.variables.items() if not of.dims]
-    numbers = [(name, _cell(value), of.unit_text(display=True)) for name, of, value in single]
+    single = ((name, of) for name, of in result_table.variables.items() if not of.dims)
+    numbers = [(name, _cell(of.shown(display=True)), of.unit_text(display=True)) for name, of in single]
     sheets: dict[str, Iterable[Sequence[object]]] = {"numbers": [("name", "value", "unit"), *numbers]}
     dims = [dim for dim in result_table.dims if dim == result_table.rows or dim not in LONG]
     return workbook(path, sheets | {dim: _rows(result_table, dim, units=True) for dim in dims})
@@ -235,8 +236,6 @@ def _cell(value: Any) -> float | int | str | None:
     plain = value.item() if hasattr(value, "item") else value
     if isinstance(plain, bool):
         return "yes" if plain else "no"
-    if isinstance(plain, float) and math.isfinite(plain):
-        return plain
-    if isinstance(plain, float):
+    if isinstance(plain, float) and not math.isfinite(plain):
         return None if math.isnan(plain) else str(plain)
-    return plain if isinstance(plain, int) else printable(str(plain))
+    return plain if isinstance(plain, int | float) else printable(str(plain))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from rverror.model.results import Equilibrium
 from rverror.statics.duty import DutyEfficiency, DutyPhase, duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import CONTACT_INDICES, ContactPressure
-from rverror.statics.rigidity import TorsionCurve
+from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve
 from rverror.statics.worn_contacts import Wear
 from rverror.views.blocks import in_words
 from rverror.views.describing import described
 from rverror.views.fields import COUNT, arrays, rows
 from rverror.views.model_report import name_of, ways
-from rverror.views.variables import (
+from rverror.views.shown_units import (
     ANGLE,
     FORCE,
     HOURS,
@@ -34,9 +33,8 @@ from rverror.views.variables import (
     TORQUE,
     VOLUME,
     WATT,
-    Table,
-    Variable,
 )
+from rverror.views.variables import Table, Variable
 
 _CONTACTS = {"pin": "disc pin", "cam": "disc crank", "carrier": "crank", "mesh": "crank flank"}
 
@@ -77,22 +75,33 @@ def _state_table(result: Equilibrium) -> Table:
 
 @described.register
 def _torsion_table(result: TorsionCurve) -> Table:
-    return _over_torque(result, angle=result.angle)
+    return _over_torque(result, ("", ""), angle=result.angle)
 
 
 @described.register
 def _loop_table(result: Hysteresis) -> Table:
-    return _over_torque(result, rising=result.rising, falling=result.falling, width=result.width)
+    return _over_torque(result, _loop_verdict(result), rising=result.rising, falling=result.falling, width=result.width)
 
 
-def _over_torque(result: TorsionCurve | Hysteresis, **turns: Array) -> Table:
+def _loop_verdict(result: Hysteresis) -> tuple[str, str]:
+    """The lost motion as makers read it, where it is known, and where the loop is widest."""
+    width, lost = result.width.mean(axis=1), result.rated_lost_motion
+    widest = int(width.argmax())
+    where = f"{with_unit(width[widest], 'angle')} at {with_unit(result.torque[widest], 'torque')}"
+    if lost is None:
+        return f"Largest width of the loop {where}", "."
+    at = f"at ±{100 * MAKERS_SHARE:g} % of the rated torque"
+    return f"Lost motion {with_unit(lost.mean(), 'angle')}", f" {at}; largest width of the loop {where}."
+
+
+def _over_torque(result: TorsionCurve | Hysteresis, verdict: tuple[str, str], **turns: Array) -> Table:
     """Turns at each torque: their means over the angles of the output, and each."""
     variables = arrays("torque", result, torque=TORQUE)
     for name, turned in turns.items():
         variables |= arrays("torque", turned.mean(axis=1), **{f"mean_{name}": ("", ANGLE)})
         variables |= arrays("torque place", turned, **{name: ("", ANGLE)})
     places = count_of(turned.shape[1], "angle")
-    return Table(variables, title=(f"{places} of the output",))
+    return Table(variables, title=(f"{places} of the output",), verdict=verdict)
 
 
 # --- losses -----------------------------------------------------------------------------------------------------------
@@ -121,21 +130,18 @@ def _efficiency_table(result: Efficiency) -> Table:
 
 def efficiencies_table(result: Sequence[Efficiency]) -> Table:
     """Efficiencies of several loads, a row for each."""
-    lost = {part: Variable(("case",), [one.by_part[part] for one in result], PERCENT) for part in result[0].by_part}
-    variables = {
-        **rows(
-            "case",
-            result,
-            torque=TORQUE,
-            drives=None,
-            direction=lambda one: ways(one.direction),
-            efficiency=("mean", PERCENT),
-            input_torque=(lambda one: one.input_torque.mean(), TORQUE),
-            error_change=(lambda one: one.error_change.mean(), ANGLE),
-            self_locking=None,
-        ),
-        **{f"lost_{part}": variable for part, variable in lost.items()},
-    }
+    variables = rows(
+        "case",
+        result,
+        torque=TORQUE,
+        drives=None,
+        direction=lambda one: ways(one.direction),
+        efficiency=("mean", PERCENT),
+        input_torque=(lambda one: one.input_torque.mean(), TORQUE),
+        error_change=(lambda one: one.error_change.mean(), ANGLE),
+        self_locking=None,
+        **{f"lost_{part}": (f"by_part.{part}", PERCENT) for part in result[0].by_part},
+    )
     return Table(variables, kind="Efficiencies")
 
 
@@ -171,11 +177,10 @@ def _duty_table(result: DutyEfficiency) -> Table:
 @described.register
 def _pressure_table(result: ContactPressure) -> Table:
     variables = arrays("theta", result, theta=POSITION)
-    sizes: dict[str, Any] = {"pressure": (result.pressure, PRESSURE), "force": (result.force, FORCE)}
-    sizes["half_width"] = (result.half_width, LENGTH)
+    sizes = {"pressure": PRESSURE, "force": FORCE, "half_width": LENGTH}
     for contact, axes in CONTACT_INDICES.items():
-        for name, (of, unit) in sizes.items() if contact in result.pressure else ():
-            variables[f"{contact}_{name}"] = Variable((*axes, "theta"), of[contact], unit)
+        places = {f"{contact}_{name}": (f"{name}.{contact}", unit) for name, unit in sizes.items()}
+        variables |= arrays(" ".join((*axes, "theta")), result, **places)
     variables |= arrays("disc pin theta", result, pin_place=("place", POSITION))
     peaks = {"contact": None, "indices": None, "pressure": PRESSURE, "force": FORCE, "theta": POSITION}
     variables |= rows("peak", result.peaks(), "peak_", **peaks, ripple=PERCENT)
@@ -200,13 +205,9 @@ def _wear_table(result: Wear) -> Table:
             deepest_of_pin=(lambda one: one.pin_depth.max(axis=1), LENGTH),
         ),
         **{
-            f"{what}_{name}": Variable(("hour",), row, unit)
-            for name, of, unit in (
-                ("thinning", result.thinning, LENGTH),
-                ("volume", result.volume, VOLUME),
-                ("clearance", result.clearance, LENGTH),
-            )
-            for what, row in of.items()
+            f"{part}_{name}": Variable(("hour",), row, unit)
+            for name, unit in (("thinning", LENGTH), ("volume", VOLUME), ("clearance", LENGTH))
+            for part, row in getattr(result, name).items()
         },
         **arrays("phase", result, roll_angle=POSITION),
         **arrays("hour phase", result, lobe_depth=LENGTH, pin_depth=LENGTH),

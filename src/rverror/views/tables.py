@@ -137,10 +137,8 @@ def to_xarray(result: Any, *, display: bool = False) -> Dataset:
         place = coordinates if name in variable.dims else data
         place[_writable(name).replace("/", " per ")] = (variable.dims, values, {"units": unit} if unit else {})
         if isinstance(variable.unit, Each):
-            coordinates[variable.unit.name] = (
-                variable.dims[:1],
-                np.array(variable.unit.texts(display=display), dtype=str),
-            )
+            texts = np.array(variable.unit.texts(display=display), dtype=str)
+            coordinates[variable.unit.name] = (variable.dims[:1], texts)
     about = {"kind": result_table.kind, "rverror": __version__, **result_table.about}
     found: Dataset = xarray.Dataset(data, coordinates, {name: _attribute(value) for name, value in about.items()})
     return found

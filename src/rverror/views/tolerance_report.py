@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from rverror.base import units
-from rverror.base.arrays import Array
 from rverror.base.numbers import at_input_speed, brief, count_of, rounded, way
 from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
@@ -17,7 +16,7 @@ from rverror.lots.result import Interval
 from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.declared import Tolerance
-from rverror.tolerances.full_budget import ErrorBudget, LoadedBudget
+from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
@@ -25,7 +24,8 @@ from rverror.views.blocks import Sheet
 from rverror.views.describing import described, entries, interval_words, sheet, sheet_of
 from rverror.views.fields import COUNT, OWN, Field, arrays, entry, rows, same_unit, sized
 from rverror.views.model_report import name_of
-from rverror.views.variables import ANGLE, NUMBER, PERCENT, POSITION, SQUARE, Each, Table, Unit, Variable, unit_of
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, SPEED, SQUARE, Unit, unit_of
+from rverror.views.variables import Each, Table, Variable
 
 #: Quantiles that are told.
 LEVELS = (0.5, 0.95, 0.99)
@@ -35,10 +35,6 @@ _STIFFENED = Unit("N*mm/rad", "N*m/arcmin", 1e3 / (60 * ARCSEC))
 
 
 # --- yields at the load -----------------------------------------------------------------------------------------------
-
-
-def _unit(one: LimitYield) -> Unit:
-    return _STIFFENED if one.limit.quantity == "stiffness" else ANGLE
 
 
 def _share(one: LimitYield) -> Interval | None:
@@ -55,7 +51,7 @@ def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variabl
             for one, share in zip(found.limits, closed, strict=True)
         ],
         "",
-        ("limit_at_load_unit", lambda row: _unit(row[0])),
+        ("limit_at_load_unit", lambda row: _STIFFENED if row[0].limit.quantity == "stiffness" else ANGLE),
         limit_at_load="0.limit.label",
         limit_value=("0.limit.value", OWN),
         **quantiles,
@@ -64,18 +60,16 @@ def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variabl
     )
 
 
-def yield_words(found: Verified) -> tuple[str, ...]:
+def yield_words(found: Verified) -> Iterator[str]:
     """How many units were solved, and what the quantiles are of."""
-    sentences = []
     if found.failures:
-        sentences.append(f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}.")
+        yield f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}."
     first = found.limits[0]
-    sentences.append(
+    yield (
         f"Under load: {first.units} new virtual units, seed {found.seed}, each solved by the equilibrium, contacts "
         f"that open included; intervals: {100 * first.confidence:g} %. A quantile far within its limit may not be "
         "known. P99 of a stiffness: 99 % of the units are at least as stiff."
     )
-    return tuple(sentences)
 
 
 def _yield_entry(one: LimitYield) -> dict[str, Any]:
@@ -170,37 +164,35 @@ def _allocation_table(result: Allocation) -> Table:
         {"limited": result.kind, "level": result.level},
         title=(f"least cost {within(result)}",),
         verdict=(f"Cost {brief(result.cost_before)} → {brief(result.cost)}", f". {binds}.{verified}"),
-        sentences=_sentences(result),
+        sentences=tuple(_sentences(result)),
         shown={"tolerance": shown},
         rows="tolerance",
     )
 
 
-def _sentences(found: Allocation) -> tuple[str, ...]:
+def _sentences(found: Allocation) -> Iterator[str]:
     """What is limited, what the rates are, how good the widths are."""
-    check, loaded = found.closed_form, found.verified
-    size, ends = interval_words(*(one / ARCSEC for one in (check.value, check.low, check.high)))
+    check = found.closed_form
+    size, ends = interval_words(*ANGLE.of(np.array([check.value, check.low, check.high])))
     limits = "all limits" if found.kind == "load" else "the limit"
-    sentences = [f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."]
+    yield f"Costs are in the unit of the cost curves. Used: share of {limits} that {_limited_by(found)} uses."
     if found.shadow_price is not None:
-        sentences.append(f"1 % more of {limits} would save {brief(found.shadow_price)}.")
+        yield f"1 % more of {limits} would save {brief(found.shadow_price)}."
     if any(rate.relax is not None and math.isinf(rate.relax) for rate in found.rates):
-        sentences.append("Where the saving is infinite, the width does not matter.")
-    sentences += yield_words(loaded) if loaded else ()
-    sentences.append(
-        f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak {size} arcsec ({ends})."
-    )
-    return tuple(sentences)
+        yield "Where the saving is infinite, the width does not matter."
+    if found.verified is not None:
+        yield from yield_words(found.verified)
+    yield f"Closed form, contacts closed: P{100 * found.level:g} of the peak-to-peak {size} arcsec ({ends})."
 
 
 @entries.register
 def _allocation_content(found: Allocation) -> dict[str, Any]:
-    speed, loaded = found.speed, found.verified
+    loaded = found.verified
     return {
         "model": found.model or None,
         "cost_before": rounded(found.cost_before),
         "cost": rounded(found.cost),
-        "input_speed_rpm": None if speed is None else rounded(units.to_display(speed, "angular_speed")),
+        **entry(found, input_speed_rpm=("speed", SPEED)),
         "verified": [_yield_entry(one) for one in loaded.limits] if loaded else [],
         **(together_entry(loaded) if loaded else {}),
     }
@@ -288,20 +280,17 @@ def _nominal_and_worst(closed: Budget) -> dict[str, Variable]:
     worst, peak = closed.worst, float(np.abs(closed.mean - closed.offset_mean).max())
     nominal = [closed.nominal_peak_to_peak, peak, math.sqrt(closed.nominal_mean_square), closed.offset_mean]
     farthest = [worst.peak_to_peak, worst.maximum, math.nan, max(worst.offset, key=abs)]
-    return {
-        "size": Variable(("size",), list(_SIZES.values())),
-        "size_nominal": Variable(("size",), nominal, ANGLE),
-        "size_worst_case": Variable(("size",), farthest, ANGLE),
-    }
+    each = zip(_SIZES.values(), nominal, farthest, strict=True)
+    return rows("size", each, size="0", size_nominal=("1", ANGLE), size_worst_case=("2", ANGLE))
 
 
 def _quantiles(drawn: VirtualUnits) -> dict[str, Variable]:
     """Sizes of the output error that shares of the units do not exceed."""
-    made = {"size": Variable(("size",), list(_SIZES.values()))}
-    for level in LEVELS:
-        found = [(drawn.quantile(level, size),) for size in _SIZES]
-        made |= rows("size", found, **sized(f"size_p{100 * level:g}", ANGLE, "0"))
-    return made
+    quantiles: dict[str, Field] = {"size": "0"}
+    for at, level in enumerate(LEVELS, start=1):
+        quantiles |= sized(f"size_p{100 * level:g}", ANGLE, str(at))
+    each = ((words, *(drawn.quantile(level, size) for level in LEVELS)) for size, words in _SIZES.items())
+    return rows("size", each, **quantiles)
 
 
 def _counts(closed: Budget) -> str:
@@ -330,11 +319,7 @@ def _units_table(result: VirtualUnits) -> Table:
 
 
 @described.register
-def _error_budget_table(result: ErrorBudget) -> Table:
-    return _table_with_yield(result, None)
-
-
-def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
+def _error_budget_table(result: ErrorBudget, limit: Any | None = None) -> Table:
     """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
     closed, drawn, loaded = result.closed, result.units, result.at_load
     order = _order(closed)
@@ -346,15 +331,14 @@ def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
         for which in ("first", "total"):
             variables |= _sobol(f"sobol_{which}", result.indices, which, order, waves)
     about = {"model": name_of(result.model), "direction": way(result.direction)}
-    speed = result.stack.speed
+    if result.stack.speed is not None:
+        about["input_speed_rpm"] = SPEED.of(result.stack.speed)
     sentences = [
-        f"Closed form{_state(result)}; {closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}."
-    ]
-    sentences.append(
+        f"Closed form{_state(result)}; {closed.mean.size} angles; {drawn.count} virtual units, seed {drawn.seed}.",
         "P99: 99 % of the units do not exceed it. Intervals: 95 %, of the Monte Carlo estimate, not of the scatter of "
-        "units. Sobol index: share of the variance of the peak-to-peak."
-    )
-    sentences += _quiet(closed)
+        "units. Sobol index: share of the variance of the peak-to-peak.",
+        *_quiet(closed),
+    ]
     if loaded is not None:
         variables |= yields(loaded.verified, loaded.closed_form)
         variables |= arrays("limit_at_load", loaded, worst_parts=ANGLE)
@@ -364,11 +348,10 @@ def _table_with_yield(result: ErrorBudget, limit: Any | None) -> Table:
             if found is not None:
                 variables |= _sobol(name, found, "total", order, [True] * len(order))
         about["units_without_equilibrium"] = "\n".join(loaded.verified.failures)
-        sentences += yield_words(loaded.verified)
-        sentences.append("Worst parts: those of the closed form, solved at the load.")
+        sentences += [*yield_words(loaded.verified), "Worst parts: those of the closed form, solved at the load."]
     return Table(
         {**variables, **_of_angles(closed)},
-        about if speed is None else {**about, "input_speed_rpm": units.to_display(speed, "angular_speed")},
+        about,
         title=(name_of(result.model), _counts(closed), way(result.direction)),
         verdict=_verdict(result, limit),
         sentences=tuple(sentences),
@@ -382,12 +365,10 @@ def _sobol(
     name: str, indices: SobolIndices, which: str, order: Sequence[int], known: Sequence[bool]
 ) -> dict[str, Variable]:
     """Indices of the tolerances; none of what makes no wave."""
-
-    def of(end: str) -> Variable:
-        values: Array = getattr(indices, f"{which}{end}")[order]
-        return Variable(("tolerance",), np.where(known, values, np.nan), NUMBER)
-
-    return {f"{name}{end}": of(end) for end in ("", "_low", "_high")}
+    ends = {f"{name}{end}": getattr(indices, f"{which}{end}")[order] for end in ("", "_low", "_high")}
+    return arrays(
+        "tolerance", {end: np.where(known, of, np.nan) for end, of in ends.items()}, **same_unit(NUMBER, *ends)
+    )
 
 
 def _state(result: ErrorBudget) -> str:
@@ -430,23 +411,18 @@ def _verdict_at_load(found: Verified) -> str:
 
 @sheet.register
 def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
-    return sheet_of(_table_with_yield(thing, limit))
+    return sheet_of(_error_budget_table(thing, limit))
 
 
 @entries.register
 def _error_budget_content(found: ErrorBudget, *, limit: Any | None = None) -> dict[str, Any]:
     """`limit` of the peak-to-peak is that at which the yield is told."""
-    passed = None if limit is None else found.units.yield_at(limit)
+    passed, loaded = None if limit is None else found.units.yield_at(limit), found.at_load
+    limits = [] if loaded is None else zip(loaded.verified.limits, loaded.closed_form, strict=True)
     return {
         "units": found.units.count,
         "seed": found.units.seed,
         "yield": passed and entry(passed, value=NUMBER, low=NUMBER, high=NUMBER),
-        "limits": [] if found.at_load is None else _loaded_entries(found.at_load),
-        **({} if found.at_load is None else together_entry(found.at_load.verified)),
+        "limits": [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in limits],
+        **({} if loaded is None else together_entry(loaded.verified)),
     }
-
-
-def _loaded_entries(loaded: LoadedBudget) -> list[dict[str, Any]]:
-    """Entries of the limits in JSON, with what the closed form says."""
-    each = zip(loaded.verified.limits, loaded.closed_form, strict=True)
-    return [{**_yield_entry(one), "closed_form_yield": rounded(share)} for one, share in each]

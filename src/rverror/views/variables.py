@@ -2,70 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.units import ARCSEC
-
-
-@dataclass(frozen=True)
-class Unit:
-    """Core unit, unit for people, both in pint's notation, how many of the first make one of the second, its zero."""
-
-    core: str
-    shown: str
-    size: float = 1.0
-    zero: float = 0.0
-
-    def text(self, *, display: bool) -> str:
-        """Its name, for people or of the core."""
-        return self.shown if display else self.core
-
-    def of(self, value: Any) -> Any:
-        """Values in the core unit as people read them."""
-        return (value - self.zero) / self.size
-
-
-NUMBER = Unit("dimensionless", "dimensionless")
-PERCENT = Unit("dimensionless", "percent", 0.01)
-POSITION = Unit("rad", "deg", math.radians(1))
-ANGLE = Unit("rad", "arcsec", ARCSEC)
-SQUARE = Unit("rad**2", "arcsec**2", ARCSEC**2)
-LENGTH = Unit("mm", "um", 1e-3)
-SIZE = Unit("mm", "mm")
-TORQUE = Unit("N*mm", "N*m", 1e3)
-FORCE = Unit("N", "N")
-STIFFNESS = Unit("N/mm", "N/mm")
-TIME = Unit("s", "s")
-TEMPERATURE = Unit("kelvin", "degC", 1.0, 273.15)
-SPEED = Unit("rad/s", "rpm", math.pi / 30)
-HERTZ = Unit("Hz", "Hz")
-HOURS = Unit("h", "h")
-VOLUME = Unit("mm**3", "mm**3")
-WATT = Unit("N*mm/s", "W", 1e3)
+from rverror.views.blocks import Sentence
+from rverror.views.shown_units import Unit
 
 #: Dimensions that are too long to be told in a report in full.
 LONG = frozenset({"theta", "sample", "virtual_unit"})
-
-
-def unit_of(dimension: str) -> Unit:
-    """Unit of an error of that dimension, a key of `units.CORE_UNITS`."""
-    shown = units.DISPLAY_UNITS[dimension]
-    return Unit(units.CORE_UNITS[dimension], shown, units.unit_factor(shown, dimension))
-
-
-PRESSURE = unit_of("pressure")
-
-
-def unit_for_people(unit: str) -> str:
-    """Name of a unit in a report; numbers have none."""
-    return {NUMBER.core: "", "percent": "%", "mm**3": "mm³"}.get(unit, unit)
 
 
 @dataclass(frozen=True)
@@ -134,10 +82,12 @@ class Table:
         The outcome in a sentence: the words to be read first, and the rest.
     facts : mapping of str to str
         What people read beside the variables that are single numbers.
-    sentences : tuple of str
-        To be read after the tables.
+    sentences : tuple of str or Sentence
+        To be read after the rows.
+    remarks : mapping of str to sequence of str
+        Sentences to be read after the rows along another dimension.
     shown : mapping of str to sequence of str
-        Columns that people read of a dimension; all where it is not named.
+        Columns that people read of a dimension, of an empty name the single numbers; all where it is not named.
     rows : str
         Dimension of the rows of its DataFrame; that of the first column where left out.
     links : sequence of str
@@ -151,7 +101,8 @@ class Table:
     title: tuple[str, ...] = ()
     verdict: tuple[str, str] = ("", "")
     facts: Mapping[str, str] = field(default_factory=dict)
-    sentences: tuple[str, ...] = ()
+    sentences: tuple[str | Sentence, ...] = ()
+    remarks: Mapping[str, Sequence[str]] = field(default_factory=dict)
     shown: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rows: str = ""
     links: Sequence[str] = ()

@@ -79,7 +79,7 @@ def test_the_lost_motion_of_a_loop_by_hand() -> None:
     """Midpoints at 3 % on either side, read between the torques of that side."""
     rising, falling = np.array([-9.0, -6, -2, 2, 4]) * ARCSEC, np.array([-8.0, -4, 2, 4, 8]) * ARCSEC
     loop = Hysteresis(torque=np.array([-4e4, -2e4, 0.0, 2e4, 4e4]), rising=rising[:, None], falling=falling[:, None])
-    assert line(loop.plot(rated="1000 N*m"), "lost motion at +-3 %: 11.2 arcsec")[1] == pytest.approx([-6.75, 4.5])
+    assert line(loop.plot(rated="1000 N*m"), "lost motion at ±3 %: 11.2 arcsec")[1] == pytest.approx([-6.75, 4.5])
     assert loop.lost_motion(3e4) == pytest.approx([11.25 * ARCSEC])
     assert loop.lost_motion(4e4) == pytest.approx([14.5 * ARCSEC])  # at its ends
     assert loop.lost_motion(2e4) == pytest.approx([8 * ARCSEC])

@@ -22,16 +22,8 @@ from rverror.diagnosis.result import Trace
 from rverror.tolerances.closed_form import Budget, WorstCase
 from rverror.views import new_figure
 from rverror.views.plots.budgets import cost_against_limit
-from rverror.views.plots.figure import (
-    COLUMNS,
-    for_drawing,
-    labelled,
-    legend_below,
-    legend_beside,
-    svg_element,
-    titled,
-    to_bytes,
-)
+from rverror.views.plots.figure import COLUMNS, for_drawing, svg_element, to_bytes
+from rverror.views.plots.labels import labelled
 
 UNIT = reducer("RV-40E")
 MODEL = Model(UNIT, (effect("crank.eccentricity", crank=0, disc=1, radial="4 um"),), "unit 7")
@@ -121,7 +113,7 @@ SHAPES = [
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
-@pytest.mark.parametrize("place", [legend_below, legend_beside])
+@pytest.mark.parametrize("place", ["below", "beside"])
 def test_legends_lie_inside_the_figure_and_over_no_line(shape: Any, place: Any) -> None:
     rng = np.random.default_rng(7)
     for count in (3, 5):
@@ -129,9 +121,8 @@ def test_legends_lie_inside_the_figure_and_over_no_line(shape: Any, place: Any) 
         ax = axes[-1]
         for _ in range(count):
             ax.plot(rng.standard_normal(50), label=" ".join(rng.choice(WORDS, rng.integers(1, 3))))
-        ax.set(xlabel="output angle, deg", ylabel="transmission error, arcsec")
-        titled(ax, *rng.choice(WORDS, 3))
-        place(ax)
+        title = rng.choice(WORDS, 3)
+        labelled(ax, *title, x="output angle, deg", y="transmission error, arcsec", legend=place)
         ax.figure.draw_without_rendering()
         box, frame = ax.get_legend().get_window_extent(), ax.get_window_extent()
         outer = ax.figure.bbox

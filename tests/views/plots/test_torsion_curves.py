@@ -52,7 +52,7 @@ def test_the_lost_motion_is_read_on_its_own_branch() -> None:
     """Halfway between two points of a branch, whatever the other branch and the point without torque say."""
     turn = np.array([-9.0, -5.0, 0.0, 3.0, 5.0]) * ARCSEC
     ax = TorsionCurve(np.array([-4e4, -2e4, 0.0, 2e4, 4e4]), turn[:, None]).plot(rated="1000 N*m")
-    assert line(ax, "lost motion at +-3 %: 11 arcsec")[1] == pytest.approx([-7.0, 4.0])
+    assert line(ax, "lost motion at ±3 %: 11 arcsec")[1] == pytest.approx([-7.0, 4.0])
 
 
 def test_a_curve_of_one_branch_has_no_lost_motion() -> None:

@@ -17,20 +17,12 @@ from rverror.tolerances.allocation_result import Allocation, FrontPoint
 from rverror.tolerances.closed_form import Budget
 from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
+from rverror.views.describing import described
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    OUTPUT_ANGLE,
-    Axes,
-    axes_for,
-    axes_of_rows,
-    for_drawing,
-    labelled,
-    over_angle,
-    plain,
-    signal_label,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
+from rverror.views.plots.labels import OUTPUT_ANGLE, labelled, over_angle, plain, signal_label, stated
 from rverror.views.tolerance_report import within
+from rverror.views.variables import columns
 
 _DARK, _LIGHT, _LIMIT = style.BLUE, style.ORANGE, style.BLACK  # hatches tell areas apart in grey
 _LEVELS = ((0.5, ":"), (0.95, "--"), (0.99, "-."))
@@ -50,19 +42,17 @@ def contributions(found: ErrorBudget | Budget, *, ax: Axes | None = None) -> Axe
 
     The closed form alone has no Sobol indices.
     """
-    closed, indices = (found, None) if isinstance(found, Budget) else (found.closed, found.indices)
-    entries = closed.contributions
-    moving = [e for e, entry in enumerate(entries) if entry.effect == "wave"]
-    order = sorted(moving, key=lambda e: -entries[e].share)[:_SHOWN][::-1]
-    ax, at = axes_of_rows(ax, [plain(entries[e].label) for e in order])
-    shares = [100 * entries[e].share for e in order]
-    ax.barh(at + 0.2, shares, height=0.38, color=_DARK, label="share of the variance")
-    if indices is not None:
-        total, low, high = (100 * getattr(indices, f"total{end}")[order] for end in ("", "_low", "_high"))
+    told, _ = columns(described(found), rows="tolerance", display=True)
+    moving = np.flatnonzero(told["effect"] == "wave")
+    order = moving[:_SHOWN][::-1]
+    ax, at = axes_of_rows(ax, [plain(label) for label in told["tolerance"][order]])
+    ax.barh(at + 0.2, told["share"][order], height=0.38, color=_DARK, label="share of the variance")
+    if "sobol_total" in told:
+        total, low, high = (100 * told[f"sobol_total{end}"][order] for end in ("", "_low", "_high"))
         label = "total Sobol index of the peak-to-peak, 95 % interval of the estimate"
         bars: dict[str, Any] = {"xerr": (total - low, high - total), "error_kw": {"linewidth": 0.8, "capsize": 2}}
         ax.barh(at - 0.2, total, label=label, **bars, **_HATCHED)
-    hidden = len(moving) - len(order)
+    hidden = moving.size - order.size
     return labelled(
         ax,
         "What each tolerance contributes" + (f" ({hidden} smaller not shown)" if hidden else ""),

@@ -23,21 +23,10 @@ from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.model.effects import Model
 from rverror.views.by_order import turns_of
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    ORDER,
-    Axes,
-    axes_for,
-    axes_of_rows,
-    for_drawing,
-    in_shown_unit,
-    labelled,
-    over_angle,
-    plain,
-    shown_unit,
-    signal_label,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
+from rverror.views.plots.labels import ORDER, labelled, over_angle, plain, signal_label, stated
 from rverror.views.plots.spectra import draw_lines, frame_name, lines_of
+from rverror.views.shown_units import ANGLE, unit_of
 
 _BEFORE, _AFTER = style.ORANGE, style.BLUE
 _LOOKS = ((_BEFORE, style.DASHED, 1.2), (_AFTER, "solid", 0.9))
@@ -57,7 +46,7 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: Model | None = None
     tell where samples were set aside and where the reading slips.  `unit`, where given, is named in the title.
     """
     ax = axes_for(ax)
-    rows = (in_shown_unit(v, quantity) for v in (trace.measured, trace.before, trace.after))
+    rows = (unit_of(quantity).of(v) for v in (trace.measured, trace.before, trace.after))
     angle, measured, before, after = for_drawing(np.degrees(trace.theta), *rows)
     over: dict[str, Any] = {"color": style.BLACK, "lw": 0.7, "zorder": 2.5}
     ax.plot(angle, measured, label=", ".join(["measured", *_averaged(trace)]), **over)
@@ -115,7 +104,7 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     _mark(ax, trace)
     what = ["residual", *(["left-out stretches"] if trace.left_out else []), *_averaged(trace)]
     title = [*what, *stated(diagnosis.declared), *_trace_title(trace)]
-    return over_angle(ax, *title, y=f"measured less model, {shown_unit(diagnosis.quantity)}")
+    return over_angle(ax, *title, y=f"measured less model, {unit_of(diagnosis.quantity).shown}")
 
 
 def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes | None = None) -> Axes:
@@ -145,8 +134,8 @@ def compensated_waveform(made: Compensation, *, run: int | None = None, ax: Axes
 def _before_and_after(ax: Axes, theta: Array, rows: Mapping[str, Array], quantity: str) -> None:
     """Lines before and after, with the rms of each."""
     for (word, row), (colour, dashes, width) in zip(rows.items(), _LOOKS, strict=True):
-        values = in_shown_unit(row, quantity)
-        label = f"{word}: {brief(float(np.sqrt(np.mean(values**2))), 3)} {shown_unit(quantity)} rms"
+        values = unit_of(quantity).of(row)
+        label = f"{word}: {brief(float(np.sqrt(np.mean(values**2))), 3)} {unit_of(quantity).shown} rms"
         ax.plot(*for_drawing(np.degrees(theta), values), color=colour, ls=dashes, lw=width, label=label)
 
 
@@ -166,16 +155,14 @@ def compensated_orders(made: Compensation, *, most: int = 16, ax: Axes | None = 
     ax = axes_for(ax)
     drawn = sorted(made.orders[:most], key=lambda one: one.order)
     place = np.arange(len(drawn))
-    before, left = (
-        in_shown_unit(np.array([getattr(one, of) for one in drawn]), "angle") for of in ("amplitude", "left")
-    )
+    before, left = (ANGLE.of(np.array([getattr(one, of) for one in drawn])) for of in ("amplitude", "left"))
     ax.vlines(place, left, before, color=style.BLACK, lw=0.5, zorder=0)
     ax.plot(place, before, "o", color=_BEFORE, label="measured")
     ax.plot(place, left, "v", color=_AFTER, label="after, on data left out (noise included)")
     ax.set_xticks(place, [f"{one.order:.4g}" for one in drawn])
     of = f"the largest {len(drawn)} of {len(made.orders)}" if len(drawn) < len(made.orders) else ""
     title = ["orders compensated", *stated(made.model), of]
-    return labelled(ax, *title, x=ORDER, y=f"amplitude, {shown_unit('angle')}", yscale="log")
+    return labelled(ax, *title, x=ORDER, y=f"amplitude, {ANGLE.shown}", yscale="log")
 
 
 def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
@@ -217,7 +204,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     is what noise leaves by the median of 25 neighbouring lines of the residual after, as lines are few.
     """
     trace = _trace(diagnosis, run)
-    before, after = (lines_of(trace.theta, in_shown_unit(row, diagnosis.quantity)) for row in trace.residual)
+    before, after = (lines_of(trace.theta, unit_of(diagnosis.quantity).of(row)) for row in trace.residual)
     lines = min(_NEIGHBOURS, after.size.size)
     floor = scipy.ndimage.median_filter(after.size, size=lines, mode="nearest") / _MEDIAN
     rows = [
@@ -226,13 +213,9 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
     ]
     name = partial(frame_name, diagnosis.declared.mechanism, within=after.apart)
     title = ["residual spectrum", *stated(diagnosis.declared), *_trace_title(trace)]
-    last = highest or min(_last_found(diagnosis), float(after.order[-1]))
-    return draw_lines(rows, name, title=title, unit=shown_unit(diagnosis.quantity), highest=last, ax=ax)
-
-
-def _last_found(diagnosis: Diagnosis) -> float:
     found = [line.order for line in diagnosis.unexplained] + [o for a in diagnosis.added for o in a.orders]
-    return max([_HIGHEST, *(1.05 * order for order in found)])
+    last = highest or min(max([_HIGHEST, *(1.05 * order for order in found)]), float(after.order[-1]))
+    return draw_lines(rows, name, title=title, unit=unit_of(diagnosis.quantity).shown, highest=last, ax=ax)
 
 
 def _trace(diagnosis: Diagnosis, run: int) -> Trace:

@@ -6,79 +6,29 @@ Axes in, axes out.  matplotlib comes with the extra ``plot``.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean
-from rverror.views.plots import (
-    budgets,
-    diagnosed,
-    many_units,
-    mechanism_view,
-    order_tables,
-    spectra,
-    speeds,
-    under_load,
-    waveforms,
-)
+from rverror.views.html import shipped
 from rverror.views.plots.figure import Axes
 
+_TABLES = tomllib.loads(shipped("pictures.toml"))
 #: Plots of each kind of result by name, the usual one first; the kinds by the names of their classes.
-PICTURES: Mapping[str, Mapping[str, Callable[..., Axes]]] = MappingProxyType(
-    {
-        "Model": {
-            "waveform": waveforms.model_waveform,
-            "stacked": waveforms.stacked,
-            "polar": waveforms.model_polar,
-            "spectrum": spectra.model_spectrum,
-            "mechanism": mechanism_view.mechanism,
-        },
-        "Reducer": {"mechanism": mechanism_view.mechanism},
-        "Influence": {"waveform": waveforms.influence_waveform},
-        "Equilibrium": {"waveform": waveforms.state_waveform, "spectrum": spectra.state_spectrum},
-        "TorsionCurve": {"torsion": under_load.torsion},
-        "Hysteresis": {"loop": under_load.loop},
-        "Efficiency": {"losses": under_load.losses},
-        "ContactPressure": {"pressure": under_load.pressures},
-        "Wear": {"hours": under_load.over_hours},
-        "Modes": {"shape": mechanism_view.mode_shape},
-        "SpeedResponse": {"campbell": speeds.campbell, "order_map": speeds.speed_map},
-        "RunUp": {"waveform": speeds.run_up_waveform},
-        "Run": {"waveform": waveforms.run_waveform, "spectrum": spectra.run_spectrum},
-        "OrderTable": {"passport": order_tables.strongest_orders},
-        "Diagnosis": {
-            "waveform": diagnosed.diagnosis_waveform,
-            "spectrum": diagnosed.order_spectrum,
-            "residual": diagnosed.residual,
-            "candidates": diagnosed.candidates,
-            "passport": order_tables.strongest_orders,
-            "shares": order_tables.order_shares,
-        },
-        "Compensation": {"orders": diagnosed.compensated_orders, "waveform": diagnosed.compensated_waveform},
-        "Budget": {"contributions": budgets.contributions, "envelope": budgets.envelope},
-        "ErrorBudget": {
-            "contributions": budgets.contributions,
-            "distribution": budgets.distribution,
-            "envelope": budgets.envelope,
-            "at_load": budgets.at_load,
-        },
-        "VirtualUnits": {"distribution": budgets.distribution},
-        "Allocation": {"widths": budgets.widths, "front": budgets.cost_against_limit, "at_load": budgets.at_load},
-        "Lot": {"processes": many_units.lot_processes, "shares": many_units.lot_shares},
-        "DriveLot": {"orders": many_units.drive_lot_orders},
-        "Trend": {"courses": many_units.trend_courses},
-        "RunsCompared": {"orders": many_units.compared_orders},
-        "Matched": {"errors": many_units.matched_errors},
-    }
-)
+PICTURES: Mapping[str, Mapping[str, str]] = _TABLES["plots"]
+#: Plots that show a kind of result; of any other the usual one.
+ON_PAGE: Mapping[str, Sequence[str]] = _TABLES["page"]
 
 
 def pictures_of(thing: Any) -> Mapping[str, Callable[..., Axes]]:
     """Plots of what kind a thing is; none of another."""
     names = (kind.__name__ for kind in type(thing).__mro__)
-    return next((PICTURES[name] for name in names if name in PICTURES), {})
+    found = next((PICTURES[name] for name in names if name in PICTURES), {})
+    places = ((kind, *place.split(".")) for kind, place in found.items())
+    return {kind: getattr(import_module(f"rverror.views.plots.{module}"), name) for kind, module, name in places}
 
 
 def draw(thing: Any, ax: Axes | None = None, *, kind: str | None = None, **options: Any) -> Axes:

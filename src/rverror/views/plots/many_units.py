@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,16 @@ import numpy.typing as npt
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import describe
-from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.life.result import RunsCompared, Trend
 from rverror.lots.of_drives import DriveLot
-from rverror.lots.result import Lot, MadeBy
+from rverror.lots.result import Lot
 from rverror.matching.result import Matched
-from rverror.views.lot_report import process_name
+from rverror.views.lot_report import lot_table
 from rverror.views.plots import style
-from rverror.views.plots.figure import ORDER, Axes, axes_for, axes_of_rows, in_shown_unit, labelled, plain, shown_unit
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows
+from rverror.views.plots.labels import ORDER, labelled, plain
+from rverror.views.shown_units import ANGLE
+from rverror.views.variables import columns
 
 _MOST = 12  # orders that are compared
 _MARKS = "x+sd^v"  # of conditions
@@ -33,14 +35,13 @@ def lot_processes(found: Lot, *, ax: Axes | None = None) -> Axes:
     """
     rows = _shown(found)
     # lengths and angles share an axis: in um and arcsec they are of one size
-    units = list(dict.fromkeys(DISPLAY_UNITS[one.dimension] for one in rows))
-    suffixes = [f", {DISPLAY_UNITS[one.dimension]}" if len(units) > 1 else "" for one in rows]
-    ax, at = axes_of_rows(ax, [plain(process_name(one)) + unit for one, unit in zip(rows, suffixes, strict=True)])
-    value, low, high = np.array([_sizes(one) for one in rows]).T
-    allowed = np.array([np.nan if one.capability is None else one.capability for one in rows]) * value
-    ax.hlines(at, low, high, color=style.BLUE, lw=1.3, zorder=1)
+    units, value = list(dict.fromkeys(rows["unit"])), rows["deviation"]
+    named = zip(rows["process"], rows["unit"], strict=True)
+    ax, at = axes_of_rows(ax, [plain(name) + (f", {unit}" if len(units) > 1 else "") for name, unit in named])
+    ax.hlines(at, rows["deviation_low"], rows["deviation_high"], color=style.BLUE, lw=1.3, zorder=1)
     for some, face, label in _by_evidence(rows):
         ax.plot(value[some], at[some], "o", color=style.BLUE, mfc=face, ms=6, label=label)
+    allowed = rows["cp"] * value
     if np.isfinite(allowed).any():
         label = "allowed by the tolerance, Cp = 1"
         ax.plot(allowed, at, "|", color=style.ORANGE, ms=14, mew=2.5, label=label)
@@ -56,17 +57,16 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
     found : Lot
     """
     rows = _shown(found)
-    ax, at = axes_of_rows(ax, [plain(process_name(one)) for one in rows])
-    shares = np.array([100 * one.share for one in rows])
+    ax, at = axes_of_rows(ax, [plain(name) for name in rows["process"]])
     for some, face, label in _by_evidence(rows):
         hatch = "///" if face == "white" else ""
-        ax.barh(at[some], shares[some], height=0.6, color=face, ec=style.GREY, hatch=hatch, label=label)
+        ax.barh(at[some], rows["share"][some], height=0.6, color=face, ec=style.GREY, hatch=hatch, label=label)
     return labelled(ax, "What each process contributes", *_of(found), x="share of the variance of the output error, %")
 
 
-def _by_evidence(rows: Sequence[MadeBy]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
+def _by_evidence(rows: Mapping[str, Any]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
     """Processes whose scatter is significant, and those of which it is not, with their face and name."""
-    significant = np.array([one.above_zero for one in rows])
+    significant = rows["above_zero"].astype(bool)
     for some, face, label in (
         (significant, style.BLUE, "significantly above zero"),
         (~significant, "white", "not significant"),
@@ -86,7 +86,7 @@ def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, height=3.6)
     place = np.arange(len(rows))
     for shift, colour, name in ((-0.2, style.ORANGE, "before"), (0.2, style.BLUE, "after")):
-        sizes = in_shown_unit(np.array([getattr(one, name) for one in rows]), "angle")
+        sizes = ANGLE.of(np.array([getattr(one, name) for one in rows]))
         ax.bar(place + shift, sizes, 0.4, color=colour, label=name)
     ax.set_xticks(place, [f"{one.order:g}" for one in rows], fontsize=8)
     xlim = (-1, max(len(rows), 1))  # a single order is no wall
@@ -105,9 +105,9 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     own = {(one.serial, one.order, one.condition) for one in found.own}
     odd = np.array([[(s, o.order, o.condition) in own for o in found.orders] for s in found.serials])
-    place, sizes = (np.broadcast_to(np.arange(len(found.orders)), odd.shape), in_shown_unit(found.amplitudes, "angle"))
+    place, sizes = np.broadcast_to(np.arange(len(found.orders)), odd.shape), ANGLE.of(found.amplitudes)
     ends = np.array([(one.mean.value, one.mean.low, one.mean.high) for one in found.orders])
-    mean, low, high = in_shown_unit(ends, "angle").T
+    mean, low, high = ANGLE.of(ends).T
     ax.vlines(place[0] + 0.2, low, high, color=style.BLUE, lw=1.3)
     ax.plot(place[0] + 0.2, mean, "_", color=style.BLUE, ms=9, label="mean wave, 95 % interval")
     for some, mark, colour, label in (
@@ -121,31 +121,25 @@ def drive_lot_orders(found: DriveLot, *, ax: Axes | None = None) -> Axes:
     return labelled(
         ax,
         "Units by order",
-        found.model,
+        plain(found.model),
         count_of(len(found.serials), "unit"),
         x=ORDER,
-        y=f"amplitude, {shown_unit('angle')}",
+        y=f"amplitude, {ANGLE.shown}",
         ylim=(0.0, top),
     )
 
 
-def _shown(found: Lot) -> list[MadeBy]:
-    """Processes that show, the largest share last: at the top of a picture."""
-    rows = [one for one in found.processes if one.deviation is not None][::-1]
-    if not rows:
+def _shown(found: Lot) -> dict[str, Any]:
+    """Columns of the processes that show, the largest share last: at the top of a picture."""
+    made, _ = columns(lot_table(found), rows="process", display=True)
+    shown = np.flatnonzero(np.isfinite(made["deviation"]))[::-1]
+    if not shown.size:
         raise InputError("no process shows in the lot, so there is none to draw")
-    return rows
+    return {name: np.asarray(column)[shown] for name, column in made.items()}
 
 
 def _of(found: Lot) -> list[str]:
     return [plain(found.model), count_of(found.units, "unit")]
-
-
-def _sizes(one: MadeBy) -> tuple[float, float, float]:
-    assert one.deviation is not None
-    ends = (one.deviation.value, one.deviation.low, one.deviation.high)
-    value, low, high = (to_display(x, one.dimension) for x in ends)
-    return value, low, high
 
 
 # --- a unit's life, matched parts -------------------------------------------------------------------------------------
@@ -160,13 +154,13 @@ def trend_courses(found: Trend, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes_for(ax, height=3.6)
     for number, condition in enumerate(found.conditions):
-        change = in_shown_unit(found.peak_to_peak[:, number] - found.peak_to_peak[0, number], "angle")
+        change = ANGLE.of(found.peak_to_peak[:, number] - found.peak_to_peak[0, number])
         look: dict[str, Any] = {"marker": _MARKS[number % len(_MARKS)], "ls": "none", "ms": 5}
         colour = style.line_style(number + 1)["color"]
         ax.plot(found.at, change, color=colour, label=f"peak-to-peak, {condition}", **look)
     first = found.explained[:1]
     labels = ["lost motion", *["_"] * (first.size - 1)]  # one entry of the legend for all
-    measured, made = (in_shown_unit(rows - first, "angle") for rows in (found.lost_motion, found.explained))
+    measured, made = (ANGLE.of(rows - first) for rows in (found.lost_motion, found.explained))
     ax.plot(found.at, measured, "o", color=style.ORANGE, ms=5, mfc="white", label=labels)
     ax.plot(found.at, made, color=style.BLUE, label=["lost motion by the named causes", *labels[1:]])
     for one in found.changed:
@@ -191,4 +185,4 @@ def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
         ax.step(100 * known, 100 * share, where="post", label=one.name, **style.line_style(number))
     ax.axvline(100, color=style.GREY, lw=1, ls=":")
     x = "error at the load over the limit, %"
-    return labelled(ax, found.model, x=x, y="units, %", ylim=(0, 102), legend="beside")
+    return labelled(ax, "Ways to assemble", plain(found.model), x=x, y="units, %", ylim=(0, 102), legend="beside")

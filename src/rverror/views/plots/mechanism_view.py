@@ -24,7 +24,8 @@ from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import equilibrium
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, labelled, plain
+from rverror.views.plots.figure import Axes, axes_for
+from rverror.views.plots.labels import labelled, plain
 
 _DISCS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
 _PER_LOBE = 256  # points of an outline: chords of 3 um at a pin circle of 64 mm, at a lobe's tip far less

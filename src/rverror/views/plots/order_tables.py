@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,31 +14,32 @@ from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, OrderPass
 from rverror.diagnosis.result import Diagnosis
 from rverror.runs.order_table import OrderCase, OrderTable
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled
+from rverror.views.plots.figure import Axes, axes_for
+from rverror.views.plots.labels import labelled
+from rverror.views.shown_units import ANGLE, SPEED, TORQUE
 
 _MARKS = "osD^vP"  # one an order
 _MOST = 6  # orders whose passports are drawn
 _CURVE = 121  # points of a law
 #: Share of an order's power: its name, colour and hatch.
-_SHARES: Mapping[str, tuple[str, str, str]] = MappingProxyType(
-    {
-        "parts": ("part errors", style.BLUE, ""),
-        "compliance": ("compliance", style.ORANGE, "//"),
-        "measuring_chain": ("measuring chain", style.GREY, ".."),
-        "empirical": ("law only", "white", "xx"),
-        "left": ("nothing", "white", ""),
-    }
-)
+_SHARES = {
+    "parts": ("part errors", style.BLUE, ""),
+    "compliance": ("compliance", style.ORANGE, "//"),
+    "measuring_chain": ("measuring chain", style.GREY, ".."),
+    "empirical": ("law only", "white", "xx"),
+    "left": ("nothing", "white", ""),
+}
 
 
-def _look(number: int, sense: float) -> dict[str, Any]:
-    """Look of the n-th order in one direction."""
+def _look(number: int, order: float, sense: float) -> dict[str, Any]:
+    """Look and name of the n-th order in one direction."""
     colour = style.line_style(number)["color"]
     return {
         "color": colour,
         "marker": _MARKS[number],
         "ls": "solid" if sense > 0 else style.DASHED,
         "mfc": colour if sense > 0 else "white",
+        "label": f"order {brief(order, 6)}, {way(sense)}",
     }
 
 
@@ -74,9 +74,7 @@ def _over_speed(cases: Sequence[OrderCase], passports: Sequence[OrderPassport], 
                 for wave in case.waves[np.abs(case.orders - one.order) <= SAME_ORDER]
             ]
             speed, size = np.array(sorted(points)).reshape(-1, 2).T
-            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            shown = in_shown_unit(speed, "angular_speed"), in_shown_unit(size, "angle")
-            ax.plot(*shown, ms=4, lw=0.8, label=label, **_look(number, law.direction))
+            ax.plot(SPEED.of(speed), ANGLE.of(size), ms=4, lw=0.8, **_look(number, one.order, law.direction))
     x, y = "input speed, rpm", "amplitude, arcsec"
     return labelled(ax, "orders over the speed", x=x, y=y, yscale="log", legend="beside")
 
@@ -102,15 +100,12 @@ def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None)
     ax = axes_for(ax, height=4.2)
     for number, one in enumerate(passports[:_MOST]):
         for law in one.laws:
-            look = _look(number, law.direction)
+            look = _look(number, one.order, law.direction)
             if law.slope is not None:
                 torque = np.linspace(0.0, float(law.torque.max()), _CURVE)
                 size = np.abs(law.constant.value + law.slope.value * torque)
-                line = look | {"marker": ""}
-                ax.plot(in_shown_unit(torque, "torque"), in_shown_unit(size, "angle"), lw=1.2, **line)
-            label = f"order {brief(one.order, 6)}, {way(law.direction)}"
-            measured = in_shown_unit(np.abs(law.waves), "angle")
-            ax.plot(in_shown_unit(law.torque, "torque"), measured, ms=5, label=label, **look | {"ls": "none"})
+                ax.plot(TORQUE.of(torque), ANGLE.of(size), lw=1.2, **look | {"marker": "", "label": None})
+            ax.plot(TORQUE.of(law.torque), ANGLE.of(np.abs(law.waves)), ms=5, **look | {"ls": "none"})
     return labelled(
         ax,
         "orders over the load",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 from rverror.base.errors import InputError
@@ -14,23 +13,12 @@ from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.statics.duty import DutyEfficiency
 from rverror.statics.friction import Efficiency
-from rverror.views.plots.drawing import draw, pictures_of
+from rverror.views.plots.drawing import ON_PAGE, draw, pictures_of
 from rverror.views.plots.figure import Figure, bare_figure
 from rverror.views.plots.mechanism_view import mechanism
 from rverror.views.plots.under_load import losses
 from rverror.views.plots.zoomable import figure_element
 
-#: Plots that show a kind of result; of any other the usual one.
-_KINDS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "Diagnosis": ("waveform", "residual", "spectrum", "passport", "shares"),
-        "ErrorBudget": ("contributions", "distribution", "at_load"),
-        "Allocation": ("widths", "at_load"),
-        "Lot": ("processes", "shares"),
-        "Compensation": ("orders", "waveform"),
-        "SpeedResponse": ("campbell", "order_map"),
-    }
-)
 _PAGE_ALONE = "residual"  # which one figure of all has no room for
 _MOST_RUNS = 4
 _WIDTH, _HEIGHT = 9.0, 3.6  # inches of a row
@@ -59,13 +47,12 @@ def figure_of(result: Any, **options: Any) -> Figure:
     """
     figure, rows = bare_figure(_WIDTH, _HEIGHT), []
     for kind, given in _plots(result, options):
-        if kind == _PAGE_ALONE:
-            continue
-        ax = figure.add_subplot()
-        try:
-            rows.append(draw(result, ax, kind=kind, **given))
-        except InputError:  # nothing of the kind
-            ax.remove()
+        if kind != _PAGE_ALONE:
+            ax = figure.add_subplot()
+            try:
+                rows.append(draw(result, ax, kind=kind, **given))
+            except InputError:  # nothing of the kind
+                ax.remove()
     figure.set_size_inches(_WIDTH, _HEIGHT * len(rows))
     grid = figure.add_gridspec(len(rows), 1)
     for row, ax in enumerate(rows):
@@ -89,7 +76,7 @@ def _figures(result: Any, options: Mapping[str, Any]) -> Iterator[Figure]:
 def _plots(result: Any, options: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Kind and options of each plot that shows a result, one for each of its first runs."""
     own, runs = pictures_of(result), len(getattr(result, "traces", ()))
-    for kind in _KINDS.get(type(result).__name__, tuple(own)[:1]):
+    for kind in ON_PAGE.get(type(result).__name__, tuple(own)[:1]):
         taken = inspect.signature(own[kind]).parameters
         given = {name: value for name, value in options.items() if name in taken}
         if "run" in taken:

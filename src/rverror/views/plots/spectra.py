@@ -1,4 +1,4 @@
-"""Order spectra of models, runs and loaded states, with named peaks and, where there is noise, its floor.
+"""Order spectra of models, runs and loaded states, with named peaks and, where there is noise, its floor; their map.
 
 Options that are not described here mean what `drawing.draw` says of them.
 """
@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.directions import Direction
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import way
 from rverror.geartrain.kinematics import fundamental_orders, true_period, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
@@ -26,20 +27,10 @@ from rverror.runs.measurement import Run
 from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics, noise_spectrum, revolutions
 from rverror.views.by_order import short_frame, turns_of
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    ORDER,
-    Axes,
-    axes_for,
-    for_drawing,
-    in_shown_unit,
-    labelled,
-    letters,
-    plain,
-    shown_unit,
-    span_of,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing, heat_map, span_of
+from rverror.views.plots.labels import ORDER, labelled, letters, plain, stated
 from rverror.views.plots.waveforms import MOST_TURNS, Signal, parts_of, run_title, signals_of, state_title
+from rverror.views.shown_units import ANGLE, unit_of
 
 _TURN = 2 * math.pi
 _LEAST_SHARE = 1e-3  # of the strongest line, below which a line of an exact waveform is not shown
@@ -54,6 +45,9 @@ _ALONE = 3.0  # times the resolution, within which no other order of a frame may
 _FONT = 7.0  # points
 _SLOPE = 35.0  # degrees, of names
 _APART = 4.5  # letters, between neighbours of that slope
+_HIGHEST = 260.0  # order of a map, where none is given
+_COLUMNS = 520  # that can be told apart
+_BY = {"torque": "output torque, N*m", "temperature": "temperature, degC"}
 _PART = 0.1  # of a line's amplitude, from which on an effect is named as a cause of it
 
 
@@ -177,7 +171,7 @@ def run_spectrum(
     signals = signals_of(run, ratio)
     rows = [(way(signal.direction), run_lines(signal, mechanism)) for signal in signals]
     name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
-    unit, title = shown_unit(signals[0].quantity), run_title(run, ratio, signals)
+    unit, title = unit_of(signals[0].quantity).shown, run_title(run, ratio, signals)
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
 
@@ -202,9 +196,9 @@ def state_spectrum(state: Equilibrium, *, highest: float | None = None, ax: Axes
     steps = np.diff(angle)
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
-    found = lines_of(angle, in_shown_unit(state.transmission_error, "angle"))
+    found = lines_of(angle, ANGLE.of(state.transmission_error))
     frame = _namer(state.model.mechanism, found)
-    alone = in_shown_unit(transmission_error_by_effect(state.model, state.conditions), "angle")
+    alone = ANGLE.of(transmission_error_by_effect(state.model, state.conditions))
     causes = causes_of(state.model, angle, alone)
 
     def name(order: float) -> str:
@@ -302,6 +296,85 @@ def _last(rows: Sequence[tuple[str, Lines]], top: float) -> float:
         orders += [1.06 * float(order) for order in found.order[out][-1:]]
     ends = max(float(found.order[-1]) for _, found in rows)
     return min(max(orders), ends)
+
+
+def order_map(
+    runs: Sequence[Run],
+    *,
+    ratio: Reducer | Drive | Model | float,
+    by: str = "torque",
+    highest: float = _HIGHEST,
+    ax: Axes | None = None,
+) -> Axes:
+    """Amplitude of each order in each of several runs, ordered by load or temperature.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Each direction of a run is a row.
+    ratio : Reducer, Drive, Model or float
+        Input turns per output turn.
+    by : {"torque", "temperature"}
+        What the rows are ordered by; every run must hold it.
+    highest : float
+        Highest order to show.
+    ax : Axes, optional
+        The colour bar takes its place from it.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    InputError
+        If there is no run, a run does not hold what rows are ordered by, or the ratio contradicts it.
+
+    Examples
+    --------
+    >>> import rverror
+    >>> unit = rverror.Model(rverror.reducer("RV-40E"))
+    >>> runs = rverror.runs.simulate_runs(unit, torques=("20 N*m", "40 N*m"), points=512, noise="1 arcsec", seed=1)
+    >>> order_map(runs, ratio=unit, highest=50).get_xlabel()
+    'order, per output turn'
+    """
+    check_each("runs", runs, Run, "give a list of runs, such as [load_run(path)]")
+    if by not in _BY:
+        raise InputError(f"by = {by!r}: rows are ordered by {' or '.join(_BY)}")
+    rows = list[tuple[float, str, Lines]]()
+    quantities = set[str]()
+    for number, run in enumerate(runs):
+        name = run.path or f"run {number + 1}"
+        value = run.torque if by == "torque" else run.temperature
+        if value is None:
+            raise InputError(f"{name}: no {by} in the run; add it to the file, or order the map by the other")
+        at = units.to_display(value, by)
+        for signal in signals_of(run, ratio):
+            rows.append((at, f"{at:.4g} {way(signal.direction)}", run_lines(signal, mechanism_of(run, ratio))))
+            quantities.add(signal.quantity)
+    if not rows:
+        raise InputError("an order map needs one run or more")
+    if len(quantities) > 1:
+        raise InputError("some runs are torque records and others hold an error; draw them apart")
+    quantity = quantities.pop()
+    rows.sort(key=lambda row: row[0])
+    ax, places = axes_of_rows(ax, [label for _, label, _ in rows])
+    meshes, columns = [], 1
+    for place, (_, _, lines) in zip(places, rows, strict=True):
+        shown = lines.order <= highest
+        order, size = lines.order[shown], lines.size[shown]
+        if order.size < 2:
+            continue
+        columns = -(-order.size // _COLUMNS)
+        starts = np.arange(0, order.size, columns)
+        step = order[1] - order[0]
+        edges = np.append(order[starts], order[-1] + step) - step / 2
+        meshes.append((edges, np.array([place - 0.46, place + 0.46]), np.maximum.reduceat(size, starts)[None]))
+    last = min(highest, max(float(lines.order[-1]) for *_, lines in rows))
+    labelled(ax, "order map of runs", *stated(ratio), x=ORDER, y=_BY[by], legend="", xlim=(0, last))
+    of = f", largest of {columns} lines" if columns > 1 else ""
+    heat_map(ax, meshes, label=f"amplitude, {unit_of(quantity).shown}{of}")
+    return ax
 
 
 # --- peaks ------------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
 from rverror.dynamics.at_speed import SpeedResponse
@@ -14,19 +15,9 @@ from rverror.dynamics.running_up import RunUp
 from rverror.runs.spectrum import frames_of_order
 from rverror.views.by_order import short_frame
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    ORDER,
-    Axes,
-    axes_for,
-    for_drawing,
-    heat_map,
-    in_shown_unit,
-    labelled,
-    lines,
-    plain,
-    shown_unit,
-    stated,
-)
+from rverror.views.plots.figure import Axes, axes_for, for_drawing, heat_map, lines
+from rverror.views.plots.labels import ORDER, labelled, plain, stated
+from rverror.views.shown_units import ANGLE, SPEED
 
 _SPEED = "input speed, rpm"
 _MOST = 12  # orders whose lines are told apart
@@ -55,7 +46,7 @@ def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None =
     ax = axes_for(ax, height=4.8)
     leading = _leading(response, most)
     fastest = float(response.speed.max())
-    last = float(in_shown_unit(np.array(fastest), "angular_speed"))
+    last = SPEED.of(fastest)
     hertz = fastest / (2 * np.pi * response.ratio)
     for number, at in enumerate(leading):
         order = float(response.order[at])
@@ -75,7 +66,7 @@ def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None =
     critical = [one for one in response.critical_speeds if one.order in response.order[leading]]
     if critical:
         speed, order = np.array([(one.speed, one.order) for one in critical]).T
-        rings = in_shown_unit(speed, "angular_speed"), order * speed / (2 * np.pi * response.ratio)
+        rings = SPEED.of(speed), order * speed / (2 * np.pi * response.ratio)
         ax.plot(*rings, "o", color=style.BLACK, mfc="none", label="critical")
     found = _crossings(response, leading, last, top)
     for number, (speed, frequency, *_) in enumerate(found, start=1):
@@ -109,19 +100,18 @@ def _framed(response: SpeedResponse, order: float) -> str:
         (short_frame(frame) for frame in frames_of_order(response.reducer, order)),
         key=lambda frame: int(frame.rpartition(" x ")[2]) if " x " in frame else 1,
     )
-    return _named(order) + (f": {', '.join(frames[:2])}" if frames else "")
+    return f"order {order:.6g}" + (f": {', '.join(frames[:2])}" if frames else "")
 
 
 def _crossings(
     response: SpeedResponse, leading: npt.NDArray[np.intp], last: float, top: float
 ) -> list[tuple[float, float, int, float]]:
     """Input speed, frequency, mode and order of crossings in the diagram, from the lowest speed up."""
-    size = np.abs(np.vstack([response.crawl_waves, response.waves])).max(axis=0)
-    found = []
+    size, found = _largest(response), []
     for at in sorted(leading.tolist(), key=lambda at: -size[at]):
         order = float(response.order[at])
         for mode, frequency in enumerate(response.frequency.tolist()):
-            speed = float(in_shown_unit(np.array(frequency * 2 * np.pi * response.ratio / order), "angular_speed"))
+            speed = SPEED.of(frequency * 2 * np.pi * response.ratio / order)
             if 0 < speed <= last and frequency <= top:
                 found.append((speed, frequency, mode + 1, order))
     return sorted(found[:_MOST])
@@ -150,12 +140,9 @@ def speed_map(response: SpeedResponse, *, highest: float | None = None, ax: Axes
     sizes = np.abs(2 * np.fft.rfft(response.transmission_error)[:, 1 : some.size + 1] / count).T
     together = -(-some.size // _ROWS)
     starts = np.arange(0, some.size, together)
-    speed, size = (
-        in_shown_unit(response.speed, "angular_speed"),
-        in_shown_unit(np.maximum.reduceat(sizes, starts), "angle"),
-    )
+    size = ANGLE.of(np.maximum.reduceat(sizes, starts))
     of = f", largest of {together} orders" if together > 1 else ""
-    heat_map(ax, [(speed, some[starts], size)], label=f"amplitude, {shown_unit('angle')}{of}")
+    heat_map(ax, [(SPEED.of(response.speed), some[starts], size)], label=f"amplitude, {ANGLE.shown}{of}")
     return labelled(ax, *_title("orders over speed", response), x=_SPEED, y=ORDER, legend="")
 
 
@@ -165,12 +152,13 @@ def _leading(response: SpeedResponse, most: int) -> npt.NDArray[np.intp]:
         raise InputError(f"most = {most}: must be 1 to {_MOST} orders, more are not told apart")
     if not response.order.size:
         raise InputError("the error has no order: no part errs, and nothing is drawn")
-    size = np.abs(np.vstack([response.crawl_waves, response.waves])).max(axis=0)
-    return np.sort(np.argsort(-size, kind="stable")[:most])
+    return np.sort(np.argsort(-_largest(response), kind="stable")[:most])
 
 
-def _named(order: float) -> str:
-    return f"order {order:.6g}"
+def _largest(response: SpeedResponse) -> Array:
+    """Largest amplitude of each order over the speeds."""
+    sizes: Array = np.abs(np.vstack([response.crawl_waves, response.waves])).max(axis=0)
+    return sizes
 
 
 def _title(what: str, response: SpeedResponse, leading: npt.NDArray[np.intp] | None = None) -> list[str]:
@@ -188,11 +176,10 @@ def run_up_waveform(found: RunUp, *, ax: Axes | None = None) -> Axes:
     found : RunUp
     """
     ax = axes_for(ax, height=4.2)
-    about = found.crawl.mean()
-    rows = (found.transmission_error - about, found.vibration, found.windup)
-    error, vibration, windup = (in_shown_unit(row, "angle") for row in rows)
+    error = ANGLE.of(found.transmission_error - found.crawl.mean())
     ax.plot(*for_drawing(found.time, error), color=style.BLACK, lw=0.8, label="error")
-    lines(ax, found.time, (("vibration", vibration), ("windup", windup)), lw=1.2)
+    rest = (("vibration", ANGLE.of(found.vibration)), ("windup", ANGLE.of(found.windup)))
+    lines(ax, found.time, rest, lw=1.2)
     pulls = found.output_torque < 0
     if pulls.any():
         across = ax.get_xaxis_transform()

@@ -15,13 +15,15 @@ from rverror.base.text import describe
 from rverror.statics.duty import duty_words
 from rverror.statics.friction import Efficiency, Hysteresis
 from rverror.statics.hertz import ContactPressure
-from rverror.statics.rigidity import TorsionCurve, on_its_branch
+from rverror.statics.rigidity import MAKERS_SHARE, TorsionCurve, on_its_branch
 from rverror.statics.worn_contacts import Wear
 from rverror.views.model_report import ways
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, in_shown_unit, labelled, lines, over_angle, shown_unit
+from rverror.views.plots.figure import Axes, axes_for, lines
+from rverror.views.plots.labels import labelled, over_angle
+from rverror.views.shown_units import ANGLE, PRESSURE, TORQUE
 
-_PERCENT = 3.0  # of the rated torque, at which makers read the lost motion
+_PERCENT = 100 * MAKERS_SHARE
 _WITHOUT_TURNING = 7  # bars whose texts fit beside one another
 _ROOM = 1.35  # times the highest bar, with the efficiency written above it
 _MARKS = "os^D"  # one for each kind of contact
@@ -46,7 +48,7 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
         If the curve does not reach +-3 % of the rated torque.
     """
     order = np.argsort(curve.torque, kind="stable")
-    torque, angle = (in_shown_unit(curve.torque[order], "torque"), in_shown_unit(curve.angle[order], "angle"))
+    torque, angle = (TORQUE.of(curve.torque[order]), ANGLE.of(curve.angle[order]))
     middle = angle.mean(axis=1)
     branches = [
         (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))
@@ -70,7 +72,8 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
     ----------
     found : Hysteresis
     rated : float or str or quantity, optional
-        Rated torque, N*mm: marks the lost motion between +-3 % of it, at the midpoints of the loop's width.
+        Rated torque, N*mm: marks the lost motion between +-3 % of it, at the midpoints of the loop's width.  The
+        reducer's own where left out, as far as the loop reaches.
 
     Raises
     ------
@@ -78,8 +81,10 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
         If the loop does not reach +-3 % of the rated torque.
     """
     order = np.argsort(found.torque, kind="stable")
-    torque = in_shown_unit(found.torque[order], "torque")
-    rising, falling = (in_shown_unit(branch[order].mean(axis=1), "angle") for branch in (found.rising, found.falling))
+    torque = TORQUE.of(found.torque[order])
+    rising, falling = (ANGLE.of(branch[order].mean(axis=1)) for branch in (found.rising, found.falling))
+    if rated is None and found.rated_lost_motion is not None:
+        rated = found.rated_torque
     lost = _lost_motion(torque, (rising + falling) / 2, rated)
     ax = axes_for(ax, height=5.0)
     ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
@@ -90,7 +95,7 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
 def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Array, Array] | None) -> Axes:
     """Words, and the lost motion where it is asked for."""
     if lost is not None:
-        label = f"lost motion at +-{_PERCENT:g} %: {np.ptp(lost[1]):.3g} arcsec"
+        label = f"lost motion at ±{_PERCENT:g} %: {np.ptp(lost[1]):.3g} arcsec"
         ax.plot(*lost, "D", color=style.BLACK, ms=4, label=label)
     ax.axhline(0, color=style.BLACK, lw=0.4)
     ax.axvline(0, color=style.BLACK, lw=0.4)
@@ -143,7 +148,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
     for x, high, one in zip(place.tolist(), top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
     cases = list(zip(*map(_case, listed), strict=True))
-    loads = [brief(units.to_display(one.torque, "torque")) for one in listed]
+    loads = [brief(TORQUE.of(one.torque)) for one in listed]
     differing = [words for words in cases if len(set(words)) > 1]
     joint, turned = ("\n", 0) if len(listed) <= _WITHOUT_TURNING or not differing else (", ", 90)
     ticks = [joint.join(words) for words in zip(loads, *differing, strict=True)]
@@ -179,15 +184,15 @@ def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
     angle = np.degrees(found.theta[order])
     for number, peak in enumerate(found.peaks()):
         look = style.line_style(number)
-        pressure = in_shown_unit(found.pressure[peak.contact], "pressure")[..., order]
+        pressure = PRESSURE.of(found.pressure[peak.contact])[..., order]
         hardest = pressure.max(axis=tuple(range(pressure.ndim - 1)))
         ax.plot(angle, hardest, lw=1.6, label=f"{peak.contact}, hardest pressed at each angle", **look)
         ax.plot(angle, pressure[tuple(peak.indices.values())], lw=0.6, color=look["color"])
-        at = float(in_shown_unit(np.array([peak.pressure]), "pressure")[0])
+        at = PRESSURE.of(peak.pressure)
         where = f"{describe(peak.contact, peak.indices)}: {brief(at)} MPa at {np.degrees(peak.theta):.4g} deg"
         mark = {"marker": _MARKS[number], "color": look["color"], "mec": "black", "ls": "none", "ms": 7}
         ax.plot(np.degrees([peak.theta]), [at], label=where, **mark)
-    y = f"largest pressure, {shown_unit('pressure')}"
+    y = f"largest pressure, {PRESSURE.shown}"
     return over_angle(ax, "contact pressure", y=y, ylim=(0, None))
 
 
@@ -199,7 +204,7 @@ def over_hours(found: Wear, *, ax: Axes | None = None) -> Axes:
     found : Wear
     """
     ax = axes_for(ax, height=3.6)
-    lost, error = (in_shown_unit(row, "angle") for row in (found.lost_motion, found.peak_to_peak))
+    lost, error = (ANGLE.of(row) for row in (found.lost_motion, found.peak_to_peak))
     lines(ax, found.hours, (("lost motion", lost), ("peak-to-peak under load", error)), marker="o", ms=4)
     x, y = "time of operation, h", "turn of the output, arcsec"
     return labelled(ax, f"wear at {duty_words(found.duty)}", x=x, y=y, ylim=(0, None), legend="beside")

@@ -26,22 +26,9 @@ from rverror.model.effects import Model
 from rverror.model.results import Equilibrium, Influence
 from rverror.runs.measurement import Run
 from rverror.views.plots import style
-from rverror.views.plots.figure import (
-    NOTHING,
-    OUTPUT_ANGLE,
-    Axes,
-    axes_for,
-    for_drawing,
-    in_shown_unit,
-    labelled,
-    lines,
-    over_angle,
-    plain,
-    shown_unit,
-    signal_label,
-    span_of,
-    stated,
-)
+from rverror.views.plots.figure import NOTHING, Axes, axes_for, for_drawing, lines, span_of
+from rverror.views.plots.labels import OUTPUT_ANGLE, labelled, over_angle, plain, signal_label, stated
+from rverror.views.shown_units import ANGLE, unit_of
 
 #: Turns of a drive that repeats later than after one, up to which all of them are drawn.
 MOST_TURNS = 16
@@ -75,7 +62,7 @@ def parts_of(model: Model, theta: Any | None, **motion: Any) -> Parts:
     angle = whole_turn(model.mechanism) if theta is None else units.to_core_array(theta, "angle")
     rows = transmission_error_by_effect(model, angle, **motion)
     names = tuple(plain(describe(effect.key, effect.indices)) for effect in model.effects)
-    return Parts(angle, in_shown_unit(rows, "angle"), names)
+    return Parts(angle, ANGLE.of(rows), names)
 
 
 # --- models -----------------------------------------------------------------------------------------------------------
@@ -155,9 +142,8 @@ def _drawn(model: Model, theta: Any, most: int, waves: int, **motion: Any) -> tu
     parts = parts_of(model, theta, **motion)
     shown = (_first_waves(parts, waves) if theta is None else parts).largest(most)
     drawn = about_constants(shown)
-    name, unit = signal_label("angle").split(", ")
     about = "" if drawn is shown else f" about {float(shown.rows.sum(axis=0).mean()):+.4g}"
-    return drawn, f"{name}{about}, {unit}"
+    return drawn, signal_label("angle", about)
 
 
 def about_constants(parts: Parts) -> Parts:
@@ -212,15 +198,15 @@ def model_polar(
     reach = 1.05 * span_of(float(np.abs(total - mean).max()))
     ax.plot(*for_drawing(parts.theta, total - mean), lw=0.9, color=style.BLUE, label="total")
     circle = np.linspace(0, _TURN, 361)
-    base = f"base circle: mean, {brief(mean, 4)} {shown_unit('angle')}"
+    base = f"base circle: mean, {brief(mean, 4)} {ANGLE.shown}"
     ax.plot(circle, np.zeros_like(circle), color=style.BLACK, lw=1.0, ls=style.DASHED, label=base)
     ax.set_rlim(-reach, reach)  # type: ignore[attr-defined]
     ends = [-reach, 0.0, reach]
     ax.set_rticks(ends, [brief(end, 2) for end in ends])  # type: ignore[attr-defined]
     ax.set_rorigin(-_ORIGIN * reach)  # type: ignore[attr-defined]
-    name, unit = signal_label("angle").split(", ")
     title = stated(model, torque=torque, direction=direction)
-    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {name} above its mean, {unit}")
+    outwards = signal_label("angle", " above its mean")
+    labelled(ax, *title, "closed form", x=OUTPUT_ANGLE, y=f"outwards: {outwards}")
     ax.yaxis.labelpad = 30
     return ax
 
@@ -259,10 +245,10 @@ def signals_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> list[
         values, quantity = torque, "torque"
     else:
         values, quantity = run.error(used), "angle"
-    ways = [sense for sense in (1.0, -1.0) if (run.direction == sense).any()]
-    values = in_shown_unit(values, quantity)
-    parts = [(np.flatnonzero(run.direction == sense), sense) for sense in ways]
-    return [Signal(theta[at], values[at], sense, quantity, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts]
+    values = unit_of(quantity).of(values)
+    parts = ((np.flatnonzero(run.direction == sense), sense) for sense in (1.0, -1.0))
+    known = ((at, sense, np.flatnonzero(np.diff(at) > 1) + 1) for at, sense in parts if at.size)
+    return [Signal(theta[at], values[at], sense, quantity, breaks) for at, sense, breaks in known]
 
 
 def run_title(run: Run, ratio: Reducer | Drive | Model | float | None, signals: Sequence[Signal]) -> list[str]:
@@ -289,7 +275,7 @@ def run_waveform(run: Run, *, ratio: Reducer | Drive | Model | float | None = No
 
 def state_waveform(state: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Transmission error of a loaded state."""
-    values = in_shown_unit(state.transmission_error, "angle")
+    values = ANGLE.of(state.transmission_error)
     ax = axes_for(ax)
     ax.plot(*for_drawing(np.degrees(state.theta), values), color=style.BLUE, lw=1.0)
     return over_angle(ax, *state_title(state), y=signal_label("angle"), legend="")
@@ -308,10 +294,10 @@ def state_title(state: Equilibrium) -> list[str]:
 
 def influence_waveform(found: Influence, *, ax: Axes | None = None) -> Axes:
     """Influence of each parameter of a source on the output."""
-    dimension = source(found.key).parameters[0].dimension
-    scale = float(in_shown_unit(np.ones(1), "angle")[0] / in_shown_unit(np.ones(1), dimension)[0])
+    unit = unit_of(source(found.key).parameters[0].dimension)
+    rows = ANGLE.of(found.matrix) * unit.size
     ax = axes_for(ax)
-    lines(ax, np.degrees(found.theta), zip(found.labels, scale * found.matrix, strict=True), lw=1.1)
-    if np.abs(scale * found.matrix).max(initial=0.0) <= NOTHING:
+    lines(ax, np.degrees(found.theta), zip(found.labels, rows, strict=True), lw=1.1)
+    if np.abs(rows).max(initial=0.0) <= NOTHING:
         ax.set_ylim(-1, 1)  # rounding is nothing to be seen
-    return over_angle(ax, plain(found.key), y=f"influence, arcsec per {shown_unit(dimension)}")
+    return over_angle(ax, plain(found.key), y=f"influence, {ANGLE.shown} per {unit.shown}")
