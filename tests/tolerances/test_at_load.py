@@ -90,6 +90,18 @@ def test_turns_of_a_unit_are_those_of_its_model_written_effect_by_effect(changes
         assert stiffness == pytest.approx(rverror.statics.torsional_stiffness(one, places).min(), rel=1e-7)
 
 
+def test_a_head_that_reads_the_tilt_of_the_output_moves_the_error_and_no_lost_motion() -> None:
+    """It grows with the torque, so that forward less reverse does not cancel it: it is no motion of the output."""
+    model, tolerances = mixed()
+    read = model.with_effects(rverror.effect("sensor.output_tilt", x="20 arcsec/(kN*m)"))
+    tilted, plain = (loaded_units(one, tolerances, EVERY_LIMIT) for one in (read, model))
+    drawn = standard_draws(plain.stack, 2, seed=1, stream=0)
+    turns, without = (units.solved(drawn, units.stack.width).turns for units in (tilted, plain))
+    error = [limit.quantity == "transmission_error" for limit in EVERY_LIMIT]
+    moved = np.abs(turns - without).max(axis=0) > 1e-9
+    assert moved.tolist() == error
+
+
 @pytest.mark.usefixtures("few_angles")  # a slope is that of the turn between two angles, whichever they are
 @pytest.mark.parametrize("changes", [{}, {"contact_law": rverror.geartrain.ContactLaw(profile_curvature=1.0)}])
 def test_slopes_are_differences_of_solved_units(changes: dict[str, Any]) -> None:
