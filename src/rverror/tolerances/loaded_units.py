@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from rverror.base.arrays import Array, Integers
@@ -104,21 +105,43 @@ class _Closings:
         """Of the turn."""
         return int(self.matrix.shape[0]) // self.width
 
+    @cached_property
+    def _by_component(self) -> Any:
+        """The same entries, from all contacts of an angle to each component, (angles * components, angles * width)."""
+        entries, count = self.matrix.tocoo(), self.matrix.shape[1]
+        contact, component = entries.coords
+        shape, place = (self.angles * count, self.matrix.shape[0]), contact // self.width * count + component
+        return _compact(scipy.sparse.csr_array((entries.data, (place, contact)), shape=shape))
+
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
-        if 2 * places.size > self.angles:  # all rows are multiplied sooner than most of them are picked
+        if self._most(places):
             return np.asarray((self.matrix @ values).reshape(-1, self.width)[places], dtype=np.float64)
         return np.asarray((self.matrix[self._rows(places)] @ values).reshape(-1, self.width), dtype=np.float64)
 
-    def _rows(self, places: Integers) -> Integers:
-        return np.asarray((places[:, None] * self.width + np.arange(self.width)).ravel())
-
     def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        own = np.arange(0, forces.size + 1, self.width)  # of each angle its own contacts
+        if self._most(places):
+            everywhere = np.zeros((self.angles, self.width))
+            everywhere[places] = forces
+            return np.asarray((self._by_component @ everywhere.ravel()).reshape(self.angles, -1)[places])
+        own = np.arange(0, forces.size + 1, self.width, dtype=np.int32)  # of each angle its own contacts
         shape = places.size, self.matrix.shape[0]
         forced = scipy.sparse.csr_array((forces.ravel(), self._rows(places), own), shape=shape)
         return np.asarray((forced @ self.matrix).toarray(), dtype=np.float64)
+
+    def _most(self, places: Integers) -> bool:
+        """Whether all angles are multiplied sooner than some of them are picked."""
+        return bool(2 * places.size > self.angles)
+
+    def _rows(self, places: Integers) -> npt.NDArray[np.int32]:
+        return np.asarray((places[:, None] * self.width + np.arange(self.width)).ravel(), dtype=np.int32)
+
+
+def _compact(matrix: Any) -> Any:
+    """The same sparse matrix with indices of 32 bits, which a product reads a quarter sooner."""
+    matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
+    return matrix
 
 
 @dataclass(frozen=True)
@@ -184,7 +207,7 @@ class LoadedTurn:
                         sizes.append(size[some])
         shape = (angles * width, count)
         place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
-        matrix = scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape)
+        matrix = _compact(scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape))
         closings = _Closings(width, matrix)
         nominal = added((model if reads else unread(model)).effects, where.read)
         return cls(model, geometry, closings, tuple(yielding), nominal, beyond)
