@@ -127,7 +127,7 @@ def lot(
     for number in range(3):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
-        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned)
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, last=number == 2)
         state, same = estimate.state, cleaned.same == before.same
         if same and (number or not estimate.poor):
             break
@@ -176,8 +176,11 @@ def _matching(
     return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
 
 
-def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned) -> _Cleaned:
-    """Find how groups differ and means change, and what is then no member.
+def _clean(
+    simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned, *, last: bool
+) -> _Cleaned:
+    """Find how groups differ and means change, and what is then no member, by its own equilibrium too once the members
+    are the same as before, or no other estimate follows.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
     estimate, where enough remain: influences of the first order do not take all of it off.  Where units by themselves
@@ -219,7 +222,7 @@ def _clean(simulator: Simulator, values: Array, estimate: LotEstimate, seed: int
 
     odd = _outsiders(simulator, left, unchanged, estimate, seed)
     found = cleaned(odd, before.gross)
-    if not amplitudes.marked or found.same != before.same:  # another estimate follows
+    if not amplitudes.marked or (found.same != before.same and not last):
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)

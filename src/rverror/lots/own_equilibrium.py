@@ -30,6 +30,7 @@ _DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the p
 _FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
 _COOLED = 3.0  # by which the noise's variance is divided at each step
 _FALL = 0.01  # share of the squares, or squares, by which a step has to lower them
+_AS_SAID = (0.25, 0.75)  # of the fall that the slopes say: less asks for shorter steps, more allows longer ones
 _DAMPING = 1e4  # from which on a step leads nowhere
 
 
@@ -85,10 +86,11 @@ def fitted(solve: Solve, values: Array, prior: Prior, sizes: Array) -> FittedUni
     return FittedUnit(sizes, values - solved.values, (solved.influence * prior.spread[:, None]).T)
 
 
-def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUnit | None:
+def nearest(solve: Solve, values: Array, prior: Prior, start: Array, enough: float = 0.0) -> FittedUnit | None:
     """Fit a unit to amplitudes from a start, to a local minimum of its distance, in damped steps.
 
-    The noise is taken to be as large as what the start leaves, and less at each step.
+    The noise is taken to be as large as what the start leaves, and less at each step.  Steps are damped less after one
+    that did what the slopes said, and more after one that did not.
 
     Parameters
     ----------
@@ -99,6 +101,8 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUn
     prior : Prior
     start : ndarray, shape (components,)
         Standard deviations.
+    enough : float
+        Distance below which no nearer unit is sought.
 
     Returns
     -------
@@ -109,22 +113,27 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array) -> FittedUn
     if now is None:
         return None
     noise, damping = float(now.left @ now.left) / len(values), 0.0
-    while True:
+    while now.distance >= enough:
         noise = max(noise / _COOLED, 1.0)
         before = float(now.left @ now.left / noise + now.sizes @ now.sizes)
         covariance, pull = now.slopes @ now.slopes.T, now.slopes.T @ now.left / noise - now.sizes
         while True:
             damped = covariance + noise * (1 + damping) * np.eye(len(values))
             along = scipy.linalg.solve(damped, now.slopes @ pull, assume_a="pos")
-            other = fitted(solve, values, prior, now.sizes + (pull - now.slopes.T @ along) / (1 + damping))
+            step = (pull - now.slopes.T @ along) / (1 + damping)
+            other = fitted(solve, values, prior, now.sizes + step)
             fallen = before - (other.left @ other.left / noise + other.sizes @ other.sizes) if other else -math.inf
             if fallen > 0 or damping > _DAMPING:
                 break
             damping = max(10 * damping, 0.1)
         if other and fallen > 0:
-            now, damping = other, damping / 10
+            change = now.slopes @ step
+            share = fallen / float(2 * pull @ step - change @ change / noise - step @ step)
+            damping = damping / 10 if share > _AS_SAID[1] else max(2 * damping, 0.1) if share < _AS_SAID[0] else damping
+            now = other
         if noise == 1.0 and fallen < _FALL * max(before, 1 / _FALL):
-            return now
+            break
+    return now
 
 
 @dataclass(frozen=True)
@@ -207,8 +216,9 @@ class OwnEquilibrium:
             Without causes where parts of several kinds do it, which are then among the rivals.
         """
         found, effects = list[Outsider](), self.simulator.parts.effects
-        for unit in np.argsort(-far)[:_SUSPECTS].tolist():
-            errors = self.gross_errors(values[unit], middle[unit], level / len(serials))
+        suspects = np.argsort(-far)[:_SUSPECTS].tolist()
+        asked = each(lambda unit: self.gross_errors(values[unit], middle[unit], level / len(serials)), suspects)
+        for unit, errors in zip(suspects, asked, strict=True):
             if errors:
                 names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
                 alike = len({effects[one.effect].key for one in errors}) == 1
@@ -264,7 +274,7 @@ class OwnEquilibrium:
         """
         found = None
         for start in np.random.default_rng(self.seed).standard_normal((_STARTS, len(usual.spread))):
-            one = nearest(self._solve, values, usual, start)
+            one = nearest(self._solve, values, usual, start, enough)
             if one and (found is None or one.distance < found.distance):
                 found = one
             if found and found.distance < enough:
