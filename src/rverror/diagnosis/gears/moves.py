@@ -302,16 +302,18 @@ class Moves:
                 yield from self._in_place_of(one, fit, number, [*some, *own])
 
     def exchanges(self, one: Hypothesis) -> Iterator[Trial]:
-        """Another cause in the place of each, the first by linear steps from the fitted sizes of the others.
+        """Another cause in the place of each, the first by linear steps and starts from the fitted sizes of the others.
 
         Where two of three causes are right, their sizes are nearly so, and the step that replaces the third says more
         than one that adds a cause to the two: the declared sizes have not moved to make up for it.  How much better it
         is than the step of the cause that is there it does not say, so each place has as many trials.
         """
         fit, blocks = self.influences(one)
+        starts = self._starts(fit, self.starting(with_crank=True))
         for number, effect in enumerate(fit.added):
             own = columns_of(fit, [(effect.key, effect.indices)])
-            yield from self._in_place_of(one, fit, number, [*blocks, *own])[: _OFFERED // len(fit.added)]
+            for some in (blocks, starts):
+                yield from self._in_place_of(one, fit, number, [*some, *own])[: _OFFERED // len(fit.added)]
 
     def _in_place_of(self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns]) -> list[Trial]:
         """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself

@@ -334,9 +334,8 @@ class Search:
         return [self._exchanges, self._with_late_line] if moves.mostly(one) else [self._with_late_line]
 
     def _race_other_places(self, one: Hypothesis) -> bool:
-        """Race a set that mostly fits with its causes elsewhere; of a full one others replace causes instead."""
-        able = 0 < len(one.fit.added) < self.policy.most_effects and self.moves.mostly(one)
-        return able and self.expand(one, self._other_places)
+        """Race a set that mostly fits with its causes elsewhere."""
+        return bool(one.fit.added) and self.moves.mostly(one) and self.expand(one, self._other_places)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""
