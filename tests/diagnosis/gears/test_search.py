@@ -803,6 +803,20 @@ def test_a_profile_is_among_the_rivals_of_pins_that_stand_for_it() -> None:
     assert sizes(found[0], PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)
 
 
+def test_a_runout_stands_beside_the_one_bore_that_makes_as_much() -> None:
+    """A bore closes half of what the runout of both does, by squares, and shows twice as large."""
+    bore = rverror.effect("coupling.carrier_bore_position", crank=1, radial="-7 um", tangential="-1.2 um")
+    runout = rverror.effect("coupling.carrier_runout", x="-3.5 um", y="-0.6 um")
+    fit = settled(Model(OTHER, (bore,)), bore, conditions=LIGHT)
+    search = search_of(fit, [bore.key, runout.key])
+    both = search.score.of(beside(fit, runout))
+    sources = [trial.added[0].key for trial in search.moves.same_gaps(both)]
+    assert sources.count(bore.key) == 2
+    best, done = search.best(both)
+    assert done
+    assert best.names == {named(bore)}
+
+
 def test_two_causes_that_share_the_sizes_of_one_give_way_to_it() -> None:
     """A wave of the pins of no harmonic opens gaps as a profile's shift does, which alone falls to a local minimum."""
     cam = replace(CAM, uncertainty=3e-4)
@@ -812,7 +826,7 @@ def test_two_causes_that_share_the_sizes_of_one_give_way_to_it() -> None:
     both = search.score.of(beside(fit, shift, replace(PROFILE, values=(8e-3, -3e-3))))
     assert both.fit.data < both.fit.bound
     assert all(search.score.better(both, part) for part in search.parts(both))
-    trials = [trial for trial in search.moves.swaps(both) if len(trial.added) == 1]
+    trials = [trial for trial in search.moves.same_gaps(both) if len(trial.added) == 1]
     best = raced(search, trials)[0]
     assert best.names == {named(PROFILE)}
     assert sizes(best, PROFILE) == pytest.approx(PROFILE.values, abs=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,7 +19,8 @@ from rverror.model.effects import Effect
 from rverror.statics.energy import Errors, Geometry, error_closing
 
 _ANGLES, _GOLDEN = 16, 0.6180339887  # irregular against every order
-_ROUNDING, _HALF = 1e-6, 0.5  # shares of the gaps that a source may lack: the very same ones, and most of them
+_ROUNDING = 1e-6  # share of the gaps, in the root of their squares, that is none
+_HALF = math.sqrt(0.5)  # half of the squares: one of two carrier bores closes so much of what a runout of both closes
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +45,12 @@ class ContactGaps:
         ]
 
     def near(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
-        """Other sources that close half of an effect's gaps or more, in the nearest size.
+        """Other sources that close half of the squares of an effect's gaps or more, in the nearest size.
 
         Pins that are all thinner, and a profile modified by as much, open all gaps nearly alike: next to nothing shows
         but what this does to contacts under load, and no small change of one tells the size of the other.
         """
-        return [other for other, _, share in self._sized(effect, candidates) if share < _HALF]
+        return [other for other, _, share in self._sized(effect, candidates) if share < _HALF + _ROUNDING]
 
     def _sized(self, effect: Effect, candidates: Sequence[Named]) -> Iterator[tuple[Effect, Array, float]]:
         """Other sources in the sizes that come nearest to an effect's gaps, their gaps, and the share they lack."""

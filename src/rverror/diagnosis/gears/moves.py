@@ -281,14 +281,13 @@ class Moves:
                 offers = [offer for offer in singles(state, some, cost) if offer.score < offer.without]
                 yield from self._offered(one, state.model, offers)
 
-    def swaps(self, one: Hypothesis) -> Iterator[Trial]:
-        """Others in the place of each cause: such as close the same gaps, equivalent places, linear steps, and starts
-        of what repeats with the crank as the cause does, or does not."""
-        fit, blocks = self.influences(one)
+    def same_gaps(self, one: Hypothesis) -> Iterator[Trial]:
+        """Others in the place of each cause: such as close the same gaps or half of them, and equivalent places."""
+        fit, _ = self.influences(one)
         unit, free = fit.run_set.unit, self.free(fit)
         gaps = self._once("gaps", self.candidates, lambda: ContactGaps(fit.run_set.gears))
         for number, effect in enumerate(fit.added):
-            rest, own = without_effect(fit, number), columns_of(fit, [(effect.key, effect.indices)])
+            rest = without_effect(fit, number)
             able = {identity(other) for other in free} | {named(effect)}
             others = [e for e in equivalents(effect, unit) if named(e) in able]
             for other in (*gaps.equivalents(effect, free), *gaps.near(effect, free), *others):
@@ -296,7 +295,14 @@ class Moves:
             # another cause of the set may be all of it, with the sizes of both
             for other in gaps.near(effect, [(e.key, e.indices) for e in rest.added]):
                 yield Trial(_enlarged(rest.model, other), one.score, one.without_rows)
-            with_crank = source(effect.key).repeats_with_crank(unit, effect.indices)
+
+    def swaps(self, one: Hypothesis) -> Iterator[Trial]:
+        """Others in the place of each cause by linear steps, and starts of what repeats with the crank as the cause
+        does, or does not."""
+        fit, blocks = self.influences(one)
+        for number, effect in enumerate(fit.added):
+            own = columns_of(fit, [(effect.key, effect.indices)])
+            with_crank = source(effect.key).repeats_with_crank(fit.run_set.unit, effect.indices)
             from_starts = self._starts(fit, self.starting(with_crank=with_crank))
             for some in (blocks, from_starts):
                 yield from self._in_place_of(one, fit, number, [*some, *own])

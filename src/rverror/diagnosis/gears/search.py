@@ -376,6 +376,7 @@ class Search:
     def challengers(self, one: Hypothesis) -> Iterator[Trial]:
         """What a complete set must stand beside; a part that nearly fits may have ended in a false minimum."""
         yield from self.race(list(self.moves.masked(one)))
+        yield from self.race(list(self.moves.same_gaps(one)))
         yield from self.moves.swaps(one)
         yield from self.race(list(self.moves.single_place_alone(one)))
         yield from self.race(list(self.moves.other_marks(one)))
