@@ -138,13 +138,13 @@ class Search:
         """Race the most promising trials of each number of causes; false where there is none."""
         raced = False
         for size in range(1, self.policy.most_effects + 1):
-            if self.complete(self._leader):
-                break
             trials = self._promising(size)
-            if trials:
+            if trials:  # of one cause even beside a complete set: a line that completes it stands against causes
                 raced, chosen = True, set(map(id, trials))
                 self._queue = [trial for trial in self._queue if id(trial) not in chosen]
                 self._queue += self.race(trials)
+                if self.complete(self._leader):
+                    break
         return raced
 
     def _promising(self, size: int) -> list[Trial]:
