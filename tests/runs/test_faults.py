@@ -463,6 +463,41 @@ def test_a_hole_makes_no_fault_of_noise_that_swings(memory: tuple[float, ...], m
     assert not found.spikes.size
 
 
+def remembering(seed: int, memory: float) -> Array:
+    """Noise of which each sample remembers the one before, its steps 0.1 arcsec."""
+    steps = np.random.default_rng(seed).normal(0, 0.1 * ARCSEC, N + 1000)
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], steps)[1000:])
+
+
+def test_a_spike_between_missing_samples_counts_by_what_those_beyond_them_tell() -> None:
+    """Of noise with the memory m a sample with two missing to either side has the variance v (1 - m^6)/(1 + m^6) beside
+    the rest, of the noise's own v: three times that beside its neighbours."""
+    memory, places = 0.99, np.arange(600, N, 700)
+    deviation = 0.1 * ARCSEC * math.sqrt((1 - memory**6) / (1 + memory**6) / (1 - memory**2))
+    have = np.setdiff1d(np.arange(N), (places[:, None] + [-2, -1, 1, 2]).ravel())
+    residual = remembering(1, memory)
+    residual[places] += 8.5 * deviation
+    found = find_faults(THETA[have], residual[have], residual=True)
+    assert np.array_equal(have[spikes_of(found)], places)
+
+
+def test_a_burst_of_the_residual_is_set_aside_from_its_first_sample_to_its_last() -> None:
+    """Of white noise each of its samples would pass alone, 4.5 deviations where 5 are none."""
+    for seed in range(6):
+        residual = remembering(seed, 0.0)
+        residual[3000:3005] = 0.45 * ARCSEC
+        found = find_faults(THETA, residual, residual=True)
+        assert spikes_of(found) == [*range(3000, 3005)]
+
+
+def test_the_first_samples_of_noise_that_swings_are_no_spikes() -> None:
+    """They have a shorter past: taken for zeros, what was before them would make spikes."""
+    for seed in range(10):
+        steps = np.random.default_rng(seed).normal(0, 0.1 * ARCSEC, N + 1000)
+        swinging = scipy.signal.lfilter([1.0], [1.0, -1.9, 0.95], steps)[1000:]
+        assert not find_faults(THETA, swinging, residual=True).spikes.size
+
+
 def test_doubled_rows() -> None:
     rows = np.sort(np.r_[:N, np.random.default_rng(1).choice(N, 30, replace=False)])
     error = as_read()[rows]

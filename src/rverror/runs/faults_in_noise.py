@@ -215,12 +215,16 @@ def _whitened(values: Array, good: Flags, pieces: Sequence[tuple[int, int]]) -> 
 def _filters(noises: Sequence[RunNoise], samples: int) -> scipy.sparse.csc_array:
     """Matrix that makes innovations of a series; its first samples have a shorter past."""
     last = noises[-1].filter
-    matrix = scipy.sparse.diags_array(
-        [np.full(samples, tap) for tap in last], offsets=-np.arange(last.size), shape=(samples, samples), format="lil"
+    later = scipy.sparse.diags_array(
+        [np.full(samples, tap) for tap in last], offsets=-np.arange(last.size), shape=(samples, samples), format="csr"
     )
-    for k, noise in enumerate(noises[: min(last.size - 1, samples)]):
-        matrix[k, : k + 1] = noise.filter[::-1]
-    return matrix.tocsc()
+    count = min(last.size - 1, samples)
+    first = np.zeros((count, count))
+    for k, noise in enumerate(noises[:count]):
+        first[k, : k + 1] = noise.filter[::-1]
+    begun = scipy.sparse.csr_array(first)
+    begun.resize(count, samples)
+    return scipy.sparse.vstack([begun, later[count:]], format="csc")
 
 
 # --- the likelihood ratios --------------------------------------------------------------------------------------------
