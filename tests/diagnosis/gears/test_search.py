@@ -183,12 +183,40 @@ def test_a_full_set_that_nearly_fits_has_a_cause_exchanged() -> None:
     assert {named(e) for e in first.added} == {named(HEAD), named(TWICE)}
     assert first.score < wrong.score
     kept = [[t for t in trials if named(one) in {named(e) for e in t.added}] for one in (TWICE, PLANET)]
-    assert [len(some) for some in kept] == [len(trials) / 2] * 2  # whatever each promises beside the cause's own step
+    others = len(search.candidates) - 2
+    assert [len(some) for some in kept] == [others] * 2  # whatever each promises beside the cause's own step
     search.keep([wrong])
     search.expand_beam()
     assert (wrong.names, "_exchanges") in search.expanded
     assert (wrong.names, "_other_places") in search.expanded
     assert frozenset({named(HEAD), named(TWICE)}) in search.known  # raced at once
+
+
+def test_a_set_that_leaves_half_has_its_cause_moved_though_much_is_left() -> None:
+    """The pin beside the true one takes off most, and leaves 78 times what noise makes."""
+    pin = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
+    fit = settled(Model(OTHER, (pin,)), pin, conditions=LIGHT, rms=0.05)
+    search = search_of(fit, [pin.key])
+    wrong = search.score.of(beside(fit, replace(pin, indices={"pin": 6})))
+    assert not search.moves.nearly(wrong)
+    assert wrong.fit.data < search.root.fit.data / 2
+    search.keep([wrong])
+    search.expand_beam()
+    assert search.complete(search.known[frozenset({named(pin)})])
+
+
+def test_a_cause_is_exchanged_for_starts_too() -> None:
+    """A linear step gives a modified profile no size worth a trial; its starts give it others."""
+    fit = settled(Model(OTHER, (PROFILE,)), PROFILE, conditions=LIGHT)
+    search = search_of(fit, [PROFILE.key, CAM.key, PLANET.key], most_effects=1)
+    wrong = search.score.of(beside(fit, CAM))
+    found = [t.added[0].values for t in search.moves.exchanges(wrong) if t.added[0].key == PROFILE.key]
+    linear, *begun = sorted(found, key=lambda values: abs(values[0]))
+    starts = np.array(source(PROFILE.key).starts) / 0.17  # shares of two sizes that are equally plausible
+    assert max(starts @ linear) < 1e-3
+    assert begun
+    for values in begun:
+        assert max(starts @ values) == pytest.approx(np.linalg.norm(values))
 
 
 def test_two_causes_that_fit_as_well_elsewhere_together_are_told() -> None:
@@ -812,6 +840,8 @@ def test_a_runout_stands_beside_the_one_bore_that_makes_as_much() -> None:
     both = search.score.of(beside(fit, runout))
     sources = [trial.added[0].key for trial in search.moves.same_gaps(both)]
     assert sources.count(bore.key) == 2
+    search.expand(both, search.challengers)
+    assert frozenset({named(bore)}) in search.known  # raced at once, whatever it promises
     best, done = search.best(both)
     assert done
     assert best.names == {named(bore)}
