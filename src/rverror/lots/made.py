@@ -40,6 +40,7 @@ from rverror.tolerances.distribution import OUTSIDE
 LEVEL = 0.01
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
+_ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
@@ -124,10 +125,10 @@ def lot(
     values = simulator.amplitudes.values * simulator.scale
     everyone = np.ones(len(values), np.bool_)
     cleaned, state = _Cleaned(values, everyone, everyone), question.start
-    for number in range(3):
+    for number in range(_ESTIMATES):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
-        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, last=number == 2)
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, last=number == _ESTIMATES - 1)
         state, same = estimate.state, cleaned.same == before.same
         if same and (number or not estimate.poor):
             break
