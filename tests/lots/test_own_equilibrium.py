@@ -16,7 +16,7 @@ from rverror.base.arrays import Array
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import Amplitudes, Condition
-from rverror.lots.own_equilibrium import GrossError, OwnEquilibrium, Prior, nearest
+from rverror.lots.own_equilibrium import GrossError, OwnEquilibrium, Prior, hopped, nearest
 from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, SolvedUnit, State
 from rverror.model.effects import Model
@@ -48,6 +48,25 @@ def test_of_linear_units_the_distance_is_that_of_their_covariance() -> None:
     assert found is not None
     assert found.distance == pytest.approx(expected, rel=1e-6)
     assert nearest(lambda errors: None, values, Prior(middle, spread), np.zeros(30)) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_unit_is_found_among_the_local_minima_of_contacts_that_open(seed: int) -> None:
+    """Amplitudes of 24 contacts that carry on one side alone: the unit itself is at its errors and noise, and 17
+    draws from the prior lead to none as near."""
+    rng = np.random.default_rng(seed)
+    carried, errors, noise = 20 * rng.standard_normal((24, 24)), rng.standard_normal(24), rng.standard_normal(24)
+    usual, itself = Prior(np.zeros(24), np.ones(24)), float(errors @ errors + noise @ noise)
+
+    def solve(errors: Array) -> SolvedUnit:
+        return SolvedUnit(np.maximum(errors, 0) @ carried, carried * (errors > 0)[:, None])
+
+    values = solve(errors).values + noise
+    starts = rng.standard_normal((17, 24))
+    assert min(one.distance for one in (nearest(solve, values, usual, start) for start in starts) if one) > itself
+    found = hopped(solve, values, usual, itself, np.random.default_rng(1))
+    assert found is not None
+    assert found.distance < itself
 
 
 @cache
@@ -153,8 +172,8 @@ def test_of_linear_units_the_gain_is_that_of_two_normal_densities() -> None:
     first, *_ = lot.found(0.01)
     assert first.effect == lot.part
     assert first.gain == pytest.approx(odds, rel=1e-6)
-    assert first.misfit == pytest.approx(lot.misfit(lot.part), rel=1e-6)
-    assert first.misfit > 1.1
+    assert first.unit.misfit == pytest.approx(lot.misfit(lot.part), rel=1e-6)
+    assert first.unit.misfit > 1.1
 
 
 def test_of_linear_units_sizes_are_conditional_means_with_errors_as_much_larger_as_the_model_lacks() -> None:

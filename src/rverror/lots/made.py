@@ -128,9 +128,10 @@ def lot(
     for number in range(_ESTIMATES):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
-        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, last=number == _ESTIMATES - 1)
+        settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
+        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, settled=settled, last=last)
         state, same = estimate.state, cleaned.same == before.same
-        if same and (number or not estimate.poor):
+        if same and settled:
             break
         tell("once more, from elsewhere" if same else "once more, without units and groups that differ")
     means, shifts = _means(simulator, estimate, cleaned)
@@ -178,10 +179,17 @@ def _matching(
 
 
 def _clean(
-    simulator: Simulator, values: Array, estimate: LotEstimate, seed: int, before: _Cleaned, *, last: bool
+    simulator: Simulator,
+    values: Array,
+    estimate: LotEstimate,
+    seed: int,
+    before: _Cleaned,
+    *,
+    settled: bool,
+    last: bool,
 ) -> _Cleaned:
-    """Find how groups differ and means change, and what is then no member, by its own equilibrium too once the members
-    are the same as before, or no other estimate follows.
+    """Find how groups differ and means change, and what is then no member: by its own equilibrium too once the estimate
+    has settled and the members are the same as before, or no other estimate follows.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
     estimate, where enough remain: influences of the first order do not take all of it off.  Where units by themselves
@@ -223,7 +231,7 @@ def _clean(
 
     odd = _outsiders(simulator, left, unchanged, estimate, seed)
     found = cleaned(odd, before.gross)
-    if not amplitudes.marked or (found.same != before.same and not last):
+    if not amplitudes.marked or not (last or (settled and found.same == before.same)):
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)

@@ -25,7 +25,7 @@ from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
 
 _FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
 _SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
-_STARTS = 6  # of a member: of units that are far each leads to the nearest in about one of two, all fail in one of 60
+_HOPS = 16  # to other local minima: of members that the first fit left far away each came near enough in one of three
 _DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one: 30 to 90 um are near
 _FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
 _COOLED = 3.0  # by which the noise's variance is divided at each step
@@ -77,6 +77,18 @@ class FittedUnit:
         away = self.left + self.slopes @ self.sizes
         return float(away @ np.linalg.solve(covariance, away) + np.linalg.slogdet(covariance)[1])
 
+    @property
+    def noise(self) -> float:
+        """Variance of the noise, if all that is left is noise."""
+        return float(self.left @ self.left) / len(self.left)
+
+    def drawn(self, rng: np.random.Generator) -> Array:
+        """Sizes near its own, from their posterior by its slopes, with noise somewhat larger than what is left."""
+        precision = self.slopes.T @ self.slopes / (_COOLED * max(self.noise, 1.0)) + np.eye(len(self.sizes))
+        root = np.linalg.cholesky(precision)
+        away = scipy.linalg.solve_triangular(root, rng.standard_normal(len(self.sizes)), lower=True, trans="T")
+        return np.asarray(self.sizes + away)
+
 
 def fitted(solve: Solve, values: Array, prior: Prior, sizes: Array) -> FittedUnit | None:
     """A unit of some sizes beside amplitudes; None where it has no equilibrium."""
@@ -112,7 +124,7 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array, enough: flo
     now = fitted(solve, values, prior, start)
     if now is None:
         return None
-    noise, damping = float(now.left @ now.left) / len(values), 0.0
+    noise, damping = now.noise, 0.0
     while now.distance >= enough:
         noise = max(noise / _COOLED, 1.0)
         before = float(now.left @ now.left / noise + now.sizes @ now.sizes)
@@ -136,6 +148,37 @@ def nearest(solve: Solve, values: Array, prior: Prior, start: Array, enough: flo
     return now
 
 
+def hopped(
+    solve: Solve, values: Array, prior: Prior, enough: float, rng: np.random.Generator, start: Array | None = None
+) -> FittedUnit | None:
+    """Fit a unit to amplitudes again and again, each time from a draw about the nearest so far (basin hopping).
+
+    Where contacts open there are many local minima, and draws from the prior rarely lead to the nearest unit.
+
+    Parameters
+    ----------
+    solve, values, prior, enough
+        As for `nearest`.
+    rng : numpy.random.Generator
+    start : ndarray, shape (components,), optional
+        Standard deviations; a draw from the prior where left out.
+
+    Returns
+    -------
+    FittedUnit or None
+        None where no start has an equilibrium.
+    """
+    best = None if start is None else nearest(solve, values, prior, start, enough)
+    for _ in range(_HOPS):
+        if best and best.distance < enough:
+            break
+        sizes = best.drawn(rng) if best else rng.standard_normal(len(prior.spread))
+        other = nearest(solve, values, prior, sizes, enough)
+        if other and (best is None or other.distance < best.distance):
+            best = other
+    return best
+
+
 @dataclass(frozen=True)
 class GrossError:
     """An error of one part that no process of the lot has made.
@@ -144,22 +187,22 @@ class GrossError:
     ----------
     effect : int
         Number among `UnitParts.effects`.
+    unit : FittedUnit
+        The nearest that has it.
     sizes, errors : ndarray, shape (parameters,)
         Of its parameters, and their standard errors, larger by the root of the misfit, core units.
     known : ndarray of bool, shape (parameters,)
         Of which sizes the amplitudes say more than what was known before.
     gain : float
         Twice the logarithm of its odds against a member of the lot.
-    misfit : float
-        Of the unit that has it.
     """
 
     effect: int
+    unit: FittedUnit
     sizes: Array
     errors: Array
     known: npt.NDArray[np.bool_]
     gain: float
-    misfit: float
 
 
 @dataclass(frozen=True)
@@ -245,17 +288,37 @@ class OwnEquilibrium:
             With the first its mirror image, and those over which its odds are not beyond the chance.
         """
         usual = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
-        enough = chi_square(chance, len(values))
-        member = self._member(values, usual, enough)
+        enough, rng = chi_square(chance, len(values)), np.random.default_rng(self.seed)
+        member = hopped(self._solve, values, usual, enough, rng)
         if member is None or member.distance < enough:
             return ()
         few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
-        fits = [self._gross_error(number, values, usual, member) for number in few]
-        ranked, needed = sorted(fits, key=lambda one: -one.gain), -2 * math.log(chance)
-        if not ranked or ranked[0].gain < needed * member.misfit:
+        errors = [self._from_all_sides(number, values, usual, member) for number in few]
+        named = self._named([one for one in errors if one], member, chance)
+        if not named:
             return ()
+        # parts were fitted from sizes all round: members are sought there too, and parts that are named as thoroughly
+        sizes = np.where(self._effect == named[0].effect, 0.0, named[0].unit.sizes)
+        other = hopped(self._solve, values, usual, enough, rng, sizes)
+        if other and other.distance < member.distance:
+            member = other
+        if member.distance < enough:
+            return ()
+
+        def again(one: GrossError) -> GrossError:
+            unit = hopped(self._solve, values, self._wider(one.effect, usual), enough, rng, one.unit.sizes)
+            return self._gross_error(one.effect, unit or one.unit, usual, member)
+
+        return tuple(self._named([again(one) for one in named], member, chance))
+
+    def _named(self, errors: Sequence[GrossError], member: FittedUnit, chance: float) -> list[GrossError]:
+        """The likeliest part, if its odds over a member are beyond the chance, and beside it its mirror image and those
+        over which its odds are not."""
+        ranked, needed = sorted(errors, key=lambda one: -one.gain), -2 * math.log(chance)
+        if not ranked or ranked[0].gain < needed * member.misfit:
+            return []
         mirrored = self._mirrored(ranked[0].effect)
-        return tuple(one for one in ranked if ranked[0].gain - one.gain < needed * one.misfit or one.effect in mirrored)
+        return [one for one in ranked if ranked[0].gain - one.gain < needed * one.unit.misfit or one.effect in mirrored]
 
     def _mirrored(self, number: int) -> list[int]:
         """Mirror images of a part: other crank and other disc, which only contacts distinguish."""
@@ -267,44 +330,44 @@ class OwnEquilibrium:
             if one is process and all(effects[other].indices[name] != at for name, at in places.items())
         ]
 
-    def _member(self, values: Array, usual: Prior, enough: float) -> FittedUnit | None:
-        """The nearest member of all starts, or the first that is near enough.
+    def _wider(self, number: int, usual: Prior) -> Prior:
+        """What is known of a unit one of whose parts no process made."""
+        return replace(usual, spread=np.where(self._effect == number, self._gross, usual.spread))
 
-        Starts are drawn: from a perfect unit, all of whose pins carry, a fit hardly finds those that do not.
+    def _from_all_sides(self, number: int, values: Array, usual: Prior, member: FittedUnit) -> GrossError | None:
+        """The likeliest error of one part, from sizes all round; None where none of them has an equilibrium.
+
+        No fit goes from no size to a large one, nor from one direction to another.
         """
-        found = None
-        for start in np.random.default_rng(self.seed).standard_normal((_STARTS, len(usual.spread))):
-            one = nearest(self._solve, values, usual, start, enough)
-            if one and (found is None or one.distance < found.distance):
-                found = one
-            if found and found.distance < enough:
-                break
-        return found
-
-    def _gross_error(self, number: int, values: Array, usual: Prior, member: FittedUnit) -> GrossError:
-        """The likeliest of one part: all kinds are alike beforehand, and the parts of a kind.
-
-        No fit goes from no size to a large one, nor from one direction to another: they start from sizes all round.
-        """
-        own, process = self._effect == number, self._process_of_effect[number]
-        prior = replace(usual, spread=np.where(own, self._gross, usual.spread))
-        cost = 2 * math.log(len(self.simulator.parts.processes) * len(process.instances))
+        own, prior = self._effect == number, self._wider(number, usual)
         starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
         starts[:, own] = _all_round(int(own.sum()))
         begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), list(starts)) if one]
-        begun.sort(key=lambda one: one.score)
-        best, gain = member, -math.inf
-        for one in begun[:_FITTED]:
-            found = nearest(self._solve, values, prior, one.sizes) or one
-            if member.score - found.score - cost > gain:
-                best, gain = found, member.score - found.score - cost
-            if gain < 0:  # a member does as well
+        best = None
+        for one in sorted(begun, key=lambda one: one.score)[:_FITTED]:
+            unit = nearest(self._solve, values, prior, one.sizes) or one
+            error = self._gross_error(number, unit, usual, member)
+            best = error if best is None or error.gain > best.gain else best
+            if best.gain < 0:  # a member does as well
                 break
-        rest = best.slopes[:, ~own] @ best.slopes[:, ~own].T + np.eye(len(best.left))
-        information = best.slopes[:, own].T @ np.linalg.solve(rest, best.slopes[:, own])
+        return best
+
+    def _gross_error(self, number: int, unit: FittedUnit, usual: Prior, member: FittedUnit) -> GrossError:
+        """What a unit says of its part: all kinds are alike beforehand, and the parts of a kind."""
+        own, prior = self._effect == number, self._wider(number, usual)
+        cost = 2 * math.log(len(self.simulator.parts.processes) * len(self._process_of_effect[number].instances))
+        rest = unit.slopes[:, ~own] @ unit.slopes[:, ~own].T + np.eye(len(unit.left))
+        information = unit.slopes[:, own].T @ np.linalg.solve(rest, unit.slopes[:, own])
         variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
-        sizes, spread = (prior.middle + prior.spread * best.sizes)[own], prior.spread[own]
-        return GrossError(number, sizes, np.sqrt(variance * best.misfit) * spread, variance < 0.5, gain, best.misfit)
+        sizes, spread = (prior.middle + prior.spread * unit.sizes)[own], prior.spread[own]
+        return GrossError(
+            number,
+            unit,
+            sizes,
+            np.sqrt(variance * unit.misfit) * spread,
+            variance < 0.5,
+            member.score - unit.score - cost,
+        )
 
     def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
         """Its sizes, those of which the amplitudes say more than what was known before."""
