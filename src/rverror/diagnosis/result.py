@@ -127,7 +127,7 @@ class ElasticEstimate:
     declared, value, low, high : float
         As declared, as fitted, and its interval, core units.
     determined : bool
-        Whether the runs say more of it than was known before.
+        Whether the interval leaves less than half of the variance that it had before the runs.
     """
 
     name: str

@@ -225,6 +225,20 @@ def test_runs_that_are_all_noise_leave_stiffness_what_was_known_before() -> None
     assert exponent.low == 1
 
 
+def test_what_an_interval_leaves_of_the_prior_decides_whether_a_stiffness_is_determined() -> None:
+    """Whatever made it wide: the noise, or a rival's fit.  No interval goes beyond what can be."""
+    (run,) = runs_of(Model(UNIT), ((1.0, 50e3),), points=512)
+    fit = begin(Model(UNIT), [run], points=512)
+    count = fit.moment.size
+    for share, determined in ((0.68, True), (0.75, False)):
+        (pins, *_) = elastic_within(fit, [share * 1.96 * 0.25] * count)
+        assert pins.name == "pin_contact"
+        assert pins.determined == determined
+    wide = {e.name: e for e in elastic_within(fit, [10.0] * count)}
+    assert (wide["pin_exponent"].low, wide["pin_exponent"].high) == (1.0, 1.5)
+    assert wide["gear_backlash"].low == 0.0
+
+
 @pytest.mark.parametrize(("fixed", "again"), [(False, True), (True, False)])
 def test_marks_are_known_but_for_turns_of_the_crank_unless_a_pin_is_declared(fixed: bool, again: bool) -> None:
     """After one the gear train stands as before, turned with the carrier: a cam is alike then, a pin is not."""

@@ -302,15 +302,14 @@ def elastic_within(fit: Fit, halves: Sequence[float]) -> tuple[ElasticEstimate, 
     result = []
     for at in np.flatnonzero(fit.run_set.soft).tolist():
         own, half, name = count + at, halves[count + at], SOFTENING[at]
-        determined = bool(fit.covariance[own, own] < 0.5 / max(fit.weights[own], 1e-300))
+        known = fit.run_set.half_width(1 / max(fit.weights[own], 1e-300))
         if at < 6:
             value = getattr(now.stiffness, name)
             sizes = getattr(unit.stiffness, name), value, value * math.exp(-half), value * math.exp(half)
         else:
-            low = max(values[at] - half, float(SOFT_BOUNDS[at, 0]))
-            sizes = stated[at], values[at], low, values[at] + half
+            sizes = stated[at], values[at], *np.clip([values[at] - half, values[at] + half], *SOFT_BOUNDS[at]).tolist()
         dimension = "stiffness" if at < 6 else "length" if name == "gear_backlash" else "number"
-        result.append(ElasticEstimate(name, dimension, *sizes, determined))
+        result.append(ElasticEstimate(name, dimension, *sizes, determined=half**2 < 0.5 * known**2))
     return tuple(result)
 
 
