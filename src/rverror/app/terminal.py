@@ -9,11 +9,10 @@ import os
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rverror.base import units
 from rverror.base.errors import InputError, refusing
@@ -27,6 +26,8 @@ from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.duty import DutyPhase
+
+T = TypeVar("T")
 
 _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
@@ -293,17 +294,6 @@ def save_with(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
         save_model(options.save, load_model(options.model).with_effects(*map(rounded, effects)), overwrite=True)
 
 
-@contextmanager
-def named(what: str = "") -> Iterator[None]:
-    """Turn a refused value into a line that begins with the file or option it came from."""
-    try:
-        yield
-    except InputError:
-        raise
-    except ValueError as problem:
-        raise InputError(f"{what}: {problem}" if what else str(problem)) from problem
-
-
 def check_output(path: str, inputs: Sequence[str]) -> None:
     """Refuse, before any work, an output that is an input or has no folder."""
     if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
@@ -364,13 +354,13 @@ def quantity(option: str, text: str, dimension: str, *, example: str, least: flo
     return value
 
 
-def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str) -> list[float]:
-    """Values of an option with commas between them, by the names of their parts."""
-    parts, (*first, last) = text.split(","), dimensions
-    if len(parts) != len(dimensions):
+def made_of(kind: Callable[..., T], option: str, text: str, names: Sequence[str], *, example: str) -> T:
+    """What an option says with commas between its sizes, which the kind takes by these names and checks."""
+    parts, (*first, last) = text.split(","), names
+    if len(parts) != len(names):
         raise InputError(f"{option}: {shown(text)} is not {', '.join(first)} and {last}; write it like '{example}'")
-    each = zip(parts, dimensions.values(), strict=True)
-    return [quantity(option, part, dimension, example=example) for part, dimension in each]
+    with refusing(f"{option} {text!r}: ", f"; write it like '{example}'"):
+        return kind(**dict(zip(names, parts, strict=True)))
 
 
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
@@ -381,10 +371,7 @@ def arm_option(what: str, more: str = "") -> dict[str, Option]:
 
 def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
-    dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
-    mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
-    with refusing(f"--arm {text!r}: ", f"; write it like '{_ARM}'"):
-        return GravityArm(mass=mass, lever=lever, offset=offset)
+    return made_of(GravityArm, "--arm", text, ("mass", "lever", "offset"), example=_ARM)
 
 
 #: Option for phases of a duty.
@@ -399,13 +386,11 @@ PHASES: Mapping[str, Option] = {
 
 def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     """Phases of a duty, each torque, speed and hours."""
-    phases = []
-    for text in texts:
-        dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
-        torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
-        with refusing(f"--phase {text!r}: ", f"; write it like '{_PHASE}'"):
-            phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
-    return phases
+
+    def phase(torque: Any, speed: Any, time: str) -> DutyPhase:
+        return DutyPhase(torque=torque, speed=speed, hours=units.parse(time, "time") / 3600)
+
+    return [made_of(phase, "--phase", text, ("torque", "speed", "time"), example=_PHASE) for text in texts]
 
 
 def rounded(effect: Effect) -> Effect:

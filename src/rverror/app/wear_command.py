@@ -13,22 +13,22 @@ from rverror.app.terminal import (
     choice,
     command,
     duty_phases,
-    named,
+    made_of,
     option,
     quantity,
     results,
     save,
     save_with,
-    sizes,
     write_results,
 )
 from rverror.base.directions import DIRECTIONS
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean
 from rverror.model.model_file import load_model
 from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearCoefficients, wear
 
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
+_ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
 
 
 @command(
@@ -69,7 +69,7 @@ def _wear(options: argparse.Namespace) -> None:
     that follow. You give the wear coefficients; none are assumed.
     """
     model = load_model(options.model)
-    with named():
+    with refusing(""):
         found = wear(
             model,
             **_duty(options),
@@ -117,7 +117,6 @@ def _coefficients(given: Sequence[str]) -> WearCoefficients:
 def _running_in(given: Sequence[str]) -> dict[str, RunningIn]:
     rough: dict[str, RunningIn] = {}
     for names, text in _by_body("--running-in", given, BODIES):
-        dimensions = {"depth": "length", "coefficient": "wear_coefficient"}
-        depth, coefficient = sizes("--running-in", text, dimensions, example=f"0.5 um, {_COEFFICIENT}")
-        rough |= dict.fromkeys(names, RunningIn(depth=depth, coefficient=coefficient))
+        parts = ("depth", "coefficient")
+        rough |= dict.fromkeys(names, made_of(RunningIn, "--running-in", text, parts, example=_ROUGHNESS))
     return rough
