@@ -20,7 +20,7 @@ from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
 from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
-from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
+from rverror.base.text import PathLike, check_name, is_printable, read_text, write_file
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
@@ -209,10 +209,10 @@ def diagnose_folder(
     from rverror.views.report import to_csv, to_html  # all kinds of results
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes, root.resolve().name)
-    write_text(target / SUMMARY, to_csv(batch), overwrite=True)
+    write_file(target / SUMMARY, to_csv(batch), overwrite=True)
     if pages:
         urgent = sorted(batch.outcomes, key=lambda each: (_URGENCY.get(each.verdict, 0), each.unit))
-        write_text(target / OVERVIEW, to_html(replace(batch, outcomes=tuple(urgent))), overwrite=True)
+        write_file(target / OVERVIEW, to_html(replace(batch, outcomes=tuple(urgent))), overwrite=True)
     return batch
 
 
@@ -347,9 +347,9 @@ def _finish(unit: _Unit, future: Future[_Answer]) -> UnitOutcome:
         return UnitOutcome(unit.name, "failed", error=_lost(problem))
     try:
         if content and unit.page is not None:
-            write_text(unit.page, page, overwrite=True)
+            write_file(unit.page, page, overwrite=True)
         if content:
-            write_text(unit.result, content, overwrite=True)
+            write_file(unit.result, content, overwrite=True)
     except InputError as problem:
         return UnitOutcome(unit.name, "failed", error=str(problem), seconds=outcome.seconds)
     return outcome

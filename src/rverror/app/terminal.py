@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from rverror.base import units
 from rverror.base.errors import InputError, refusing
 from rverror.base.spreadsheet import openpyxl_for
-from rverror.base.text import check_name, shown, write_bytes, write_text
+from rverror.base.text import check_name, shown, write_file
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -323,10 +323,7 @@ def make_folder(path: str | Path, remedy: str) -> Path:
 def write_output(path: str | Path, content: str | bytes) -> None:
     """Write an output, and tell where it replaces a file."""
     say_replaced(path)
-    if isinstance(content, str):
-        write_text(path, content, overwrite=True)
-    else:
-        write_bytes(path, content, overwrite=True)
+    write_file(path, content, overwrite=True)
 
 
 def write_text_output(path: str | None, text: str) -> None:

@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import Any
 
 from rverror.base.errors import InputError, refusing
-from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_file
 from rverror.base.units import CORE_UNITS
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
@@ -141,7 +141,7 @@ def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool
                 table.writerow([*head, error.key, *indices, *own, *last])
         if not part.errors:
             table.writerow([*head, *[""] * (len(COLUMNS) - len(head)), *last])
-    write_text(path, written.getvalue(), overwrite=overwrite)
+    write_file(path, written.getvalue(), overwrite=overwrite)
 
 
 def is_parts_table(text: str) -> bool:
