@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
@@ -68,15 +67,13 @@ def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Sequence[st
         If it cannot be read.
     """
     kind = _kind(path)
-    readers: dict[str, Callable[[PathLike], BenchFile]] = {
-        "HDF5": open_hdf5,
-        "MAT": open_mat,
-        "MAT 7.3": lambda path: open_hdf5(path, "MAT"),
-        "TDMS": open_tdms,
-        "archive": _refuse_archive,
-        "text": lambda path: open_text(path, mapping.text, _wanted(mapping), standard),
-    }
-    return readers[kind](path)
+    if kind == "archive":
+        refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
+    if kind == "text":
+        return open_text(path, mapping.text, _wanted(mapping), standard)
+    if kind in ("MAT", "TDMS"):
+        return open_mat(path) if kind == "MAT" else open_tdms(path)
+    return open_hdf5(path, kind.removesuffix(" 7.3"))
 
 
 def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
@@ -94,7 +91,11 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     rules = dict(mapping.columns) or standard_rules(file, mapping, RUN_COLUMNS)
     others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
     names = [*(SPEEDS.get(key, key) for key in rules), *others]
-    check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
+    remedy = ", in [columns] of the mapping"
+    if not mapping.columns:
+        remedy = ", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
+        remedy += some_names(entry.name for entry in file.entries)
+    check_needed(file.path, mapping.path or file.place or "columns", names, remedy)
     notes = list(file.notes)
     entries, columns = core_columns(file, mapping, rules, notes)
     size = next(iter(columns.values())).size
@@ -166,10 +167,6 @@ def _kind(path: PathLike) -> str:
     return _SUFFIXES.get(Path(path).suffix.lower(), "text")
 
 
-def _refuse_archive(path: PathLike) -> NoReturn:
-    refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
-
-
 # --- which columns ----------------------------------------------------------------------------------------------------
 
 
@@ -226,15 +223,6 @@ def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: st
     except ValueError as error:
         file.refuse(f"{place}{key}: {str(error).partition(';')[0]}; {remedy}")
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
-
-
-def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
-    if mapping.columns:
-        return ", in [columns] of the mapping"
-    return (
-        f", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
-        f"{some_names(entry.name for entry in file.entries)}"
-    )
 
 
 def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
@@ -352,7 +340,7 @@ def stated_conditions(
 
 def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
     """Text of a property, with the mapping's unit where it has none."""
-    name, at = rule.where.property, rule.where.stated_at
+    name, at = rule.where.name, rule.where.stated_at
     if name not in file.properties:
         hint = did_you_mean(name, list(file.properties))
         file.refuse(f"there is no property {shown(name, 60)} ({at});{hint} the file has {some_names(file.properties)}")
