@@ -238,7 +238,7 @@ def _units(
             runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
             name = path.name if is_printable(path.name) else ascii(path.name)
             results = path.resolve() == out.resolve() or (
-                SUMMARY in names and _is_of_batch(path / SUMMARY, _OWN_SUMMARY)
+                SUMMARY in names and _OWN_SUMMARY in read_text(path / SUMMARY)
             )
             own = str(path / MODEL) if MODEL in names else model
             if MODEL in names or (own and runs and not results):
@@ -261,12 +261,8 @@ def _check_nothing_is_lost(out: Path, units: Sequence[_Unit]) -> None:
         raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
     marks = {out / SUMMARY: _OWN_SUMMARY} | dict.fromkeys([*pages, out / OVERVIEW] if pages else [], _OWN_PAGE)
     for path, mark in marks.items():
-        if os.path.lexists(path) and not _is_of_batch(path, mark):
+        if os.path.lexists(path) and mark not in read_text(path):
             raise InputError(f"{path}: no batch has written this file; rename it or choose another folder")
-
-
-def _is_of_batch(path: Path, mark: str) -> bool:
-    return mark in read_text(path)
 
 
 def _earlier(unit: _Unit) -> UnitOutcome | None:
@@ -346,10 +342,9 @@ def _finish(unit: _Unit, future: Future[_Answer]) -> UnitOutcome:
     except Exception as problem:  # of the executor: a worker killed, a cluster gone, a version that differs there
         return UnitOutcome(unit.name, "failed", error=_lost(problem))
     try:
-        if content and unit.page is not None:
-            write_file(unit.page, page, overwrite=True)
-        if content:
-            write_file(unit.result, content, overwrite=True)
+        for path, text in ((unit.page, page), (unit.result, content)):
+            if path is not None and content:
+                write_file(path, text, overwrite=True)
     except InputError as problem:
         return UnitOutcome(unit.name, "failed", error=str(problem), seconds=outcome.seconds)
     return outcome

@@ -26,7 +26,6 @@ from rverror.model.ends import Encoders
 from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
-from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 
 _FILES = ("case.npz", "case.json")
@@ -82,7 +81,7 @@ def _compare(options: argparse.Namespace) -> None:
     check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
     encoders = _encoders(options.bench) if options.bench else None
-    run = read_run(options.theirs, case.ratio, given_mapping(options.mapping))
+    run = read_run(options.theirs, case.ratio, options.mapping)
     found = compare(run, case, method=options.method, encoders=encoders)
     write_results(found, options)
     if options.within is not None and found.rms > options.within:
