@@ -45,24 +45,12 @@ _SIDES = {"input": ("input",), "output": ("output",), "both": ("input", "output"
 _SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
 
 
-#: Options of a duty's heat, by what the library calls them.
+#: Options of a duty's heat, by what the library calls them: how each is written, its dimension, and what it is.
 _HEAT = {
-    "thermal_resistance": option(
-        '"0.3 K/W"',
-        "with --phase: thermal resistance from the housing to the surroundings (default 0)",
-        size="thermal_resistance",
-    ),
-    "inside_resistance": option(
-        '"0.1 K/W"',
-        "with --phase: thermal resistance from the inside to the housing (default 0)",
-        size="thermal_resistance",
-    ),
-    "ambient": option(
-        '"20 degC"', "with --phase: temperature of the surroundings (default 20 degC)", size="temperature"
-    ),
-    "temperature": option(
-        '"50 degC"', "with --phase: temperature of the whole unit, if it is known", size="temperature"
-    ),
+    "thermal_resistance": ("0.3 K/W", "thermal_resistance", "thermal resistance, housing to surroundings (default 0)"),
+    "inside_resistance": ("0.1 K/W", "thermal_resistance", "thermal resistance, inside to housing (default 0)"),
+    "ambient": ("20 degC", "temperature", "temperature of the surroundings (default 20 degC)"),
+    "temperature": ("50 degC", "temperature", "temperature of the whole unit, if it is known"),
 }
 _OIL = ("viscosity_40", "viscosity_100", "temperature", "speed")  # what `--lubricant` takes, in order
 _LUBRICANT = (
@@ -89,7 +77,10 @@ def _angles(count: int) -> dict[str, Any]:
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
         "--direction": choice(WAYS, "forward"),
         **PHASES,
-        **{f"--{name.replace('_', '-')}": row for name, row in _HEAT.items()},
+        **{
+            f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {what}", size=dimension)
+            for name, (example, dimension, what) in _HEAT.items()
+        },
         "--lubricant": option(("AT_40", "AT_100", "TEMPERATURE", "SPEED"), _LUBRICANT, nargs=4),
         **save("NEW.toml", "with --phase: write the model of the warm unit"),
         **_angles(EFFICIENCY_ANGLES),

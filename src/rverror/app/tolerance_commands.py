@@ -49,22 +49,21 @@ def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}"
     return {
-        "--limit": option('"60 arcsec"', "limit of the transmission error, peak-to-peak", size="angle", least=0),
-        "--lost-motion": option(
-            '"60 arcsec"', "limit of the lost motion at 3 %% of the rated torque", size="angle", least=0
-        ),
-        "--backlash": option('"60 arcsec"', "limit of the backlash, the play without load", size="angle", least=0),
+        "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission error, peak-to-peak"),
+        "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
+        "--backlash": _limit("backlash", "60 arcsec", "limit of the backlash, the play without load"),
         "--at --torque": option('"20 N*m,412 N*m"', torques),
     }
 
 
+def _limit(quantity: str, example: str, what: str) -> Option:
+    return option(f'"{example}"', what, size=QUANTITIES[quantity], least=0)
+
+
 _LIMITS = {
     **limit_options("; with --speed the load"),
-    "--stiffness": option(
-        '"100 N*m/arcmin"',
-        "least torsional stiffness between 50 and 100 %% of the rated torque",
-        size=QUANTITIES["stiffness"],
-        least=0,
+    "--stiffness": _limit(
+        "stiffness", "100 N*m/arcmin", "least torsional stiffness between 50 and 100 %% of the rated torque"
     ),
     **arm_option("a weight as a load of the transmission error"),
     "--yield": option('"99 %"', "least share of the units within the limits (default 99 %%)"),

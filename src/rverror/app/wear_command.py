@@ -15,7 +15,6 @@ from rverror.app.terminal import (
     duty_phases,
     made_of,
     option,
-    quantity,
     results,
     save,
     save_with,
@@ -95,28 +94,25 @@ def _duty(options: argparse.Namespace) -> dict[str, Any]:
     return {"torque": options.torque, "input_speed": options.speed}
 
 
-def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[list[str], str]]:
-    """Bodies and what is said of them, first of all, then of those that are named."""
+def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Bodies and what is said of each, first of all, then of those that are named."""
     for text in sorted(given, key=lambda one: "=" in one):
         body, equals, said = text.rpartition("=")
         if equals and body.strip() not in known:
             hint = did_you_mean(body.strip(), known) or f" give one of {', '.join(known)}"
             raise InputError(f"{option} {text!r}: no body {body.strip()!r};{hint}")
-        yield ([body.strip()] if equals else list(BODIES)), said
+        yield from ((name, said) for name in ([body.strip()] if equals else BODIES))
 
 
 def _coefficients(given: Sequence[str]) -> WearCoefficients:
-    found: dict[str, float] = {}
-    for names, text in _by_body("--coefficient", given, (*BODIES, *JOINTS)):
-        joint = names[0] in JOINTS
-        dimension, example = ("contact_compliance", "1e-8 um/kN") if joint else ("wear_coefficient", _COEFFICIENT)
-        found |= dict.fromkeys(names, quantity("--coefficient", text, dimension, example=example))
-    return WearCoefficients(**found)
+    sizes: dict[str, Any] = dict(_by_body("--coefficient", given, (*BODIES, *JOINTS)))
+    with refusing("--coefficient: "):
+        return WearCoefficients(**sizes)
 
 
 def _running_in(given: Sequence[str]) -> dict[str, RunningIn]:
-    rough: dict[str, RunningIn] = {}
-    for names, text in _by_body("--running-in", given, BODIES):
-        parts = ("depth", "coefficient")
-        rough |= dict.fromkeys(names, made_of(RunningIn, "--running-in", text, parts, example=_ROUGHNESS))
-    return rough
+    option, parts = "--running-in", ("depth", "coefficient")
+    return {
+        body: made_of(RunningIn, option, text, parts, example=_ROUGHNESS)
+        for body, text in _by_body(option, given, BODIES)
+    }
