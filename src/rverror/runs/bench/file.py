@@ -233,22 +233,19 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     InputError
         If there is none, it is one of several, or no column.
     """
-    at = f" ({where.stated_at})" if where.stated_at else ""
-    if where.column and file.kind != "text":  # a channel of a matrix
-        if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
-            file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
-        name = str(where.column)
-    elif where.column:
+    at, text = f" ({where.stated_at})" if where.stated_at else "", file.kind == "text"
+    if where.column and text:
         if where.column > len(file.entries):
             file.refuse(f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
         return file.entries[where.column - 1]
-    else:
-        name = where.name if file.kind == "text" else where.name.strip("/")
-    full = f"{mapping.group}/{name}" if mapping.group and file.kind != "text" else name
+    if where.column and not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):  # of a matrix
+        file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+    name = str(where.column or (where.name if text else where.name.strip("/")))
+    full = f"{mapping.group}/{name}" if mapping.group and not text else name
     fitting = [entry for entry in file.entries if entry.name == full]
-    if not fitting and not mapping.group and file.kind != "text":
+    if not (fitting or mapping.group or text):
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
-    inside = [entry.name for entry in file.entries if file.kind != "text" and entry.name.startswith(f"{full}/")]
+    inside = [entry.name for entry in file.entries if not text and entry.name.startswith(f"{full}/")]
     if inside and not fitting:
         file.refuse(f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
     if not fitting:
@@ -258,10 +255,8 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         wanted = where.column or shown(full, 60)
         file.refuse(f"{place}there is no column {wanted}{at};{hint} the file has {names}")
     if len(fitting) > 1:
-        file.refuse(
-            f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
-            "them in full"
-        )
+        either = " or ".join(shown(entry.name, 60) for entry in fitting[:3])
+        file.refuse(f"{where}{at} may be {either}; write one of them in full")
     if fitting[0].problem:
         file.refuse(f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
