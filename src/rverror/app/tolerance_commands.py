@@ -22,7 +22,7 @@ from rverror.app.terminal import (
     save_results,
     say_replaced,
 )
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.torque_over_turn import TorqueLaw
@@ -40,8 +40,8 @@ from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
 from rverror.views.report import to_text
 
-_LIMITED = ("--lost-motion", "--backlash", "--stiffness")  # what only the load tells
-_AT_LOAD = (*_LIMITED, "--arm")
+_LIMITED = ("lost_motion", "backlash", "stiffness")  # what only the load tells
+_AT_LOAD = (*_LIMITED, "arm")
 _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
 
 
@@ -104,10 +104,10 @@ def _budget(options: argparse.Namespace) -> None:
     model, tolerances = _read(options)
     if options.speed is not None:
         _refuse(options, _AT_LOAD, "units at the load stand still; leave it out, or leave out --speed")
-    at_load = options.speed is None and any(_given(options, name) for name in ("--at", *_AT_LOAD))
+    at_load = options.speed is None and any(_given(options, name) for name in ("at", *_AT_LOAD))
     if not at_load:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
-        _refuse(options, ("--yield", "--loaded-units"), unused)
+        _refuse(options, ("yield", "loaded_units"), unused)
     limits = limits_of(options, model) if at_load else ()
     with ProgressLine() as progress:
         found = error_budget(
@@ -171,7 +171,7 @@ def _allocated_at_load(
         if not any(_given(options, name) for name in _LIMITED):
             raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
         unused = "loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
-        _refuse(options, ("--at", "--arm"), unused)
+        _refuse(options, ("at", "arm"), unused)
     return allocate_at_load(
         model,
         tolerances,
@@ -189,7 +189,7 @@ def _allocated_in_closed_form(
     unused = f"the closed form knows no load; leave it out, or leave out --kind {options.kind}"
     if not isinstance(model.mechanism, Reducer):
         unused = "a [drive] has no contacts to be loaded; leave it out"
-    _refuse(options, _AT_LOAD if options.speed is not None else ("--at", *_AT_LOAD), unused)
+    _refuse(options, _AT_LOAD if options.speed is not None else ("at", *_AT_LOAD), unused)
     if options.limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
     factors = _FRONT if options.plot else (1.0,)
@@ -212,22 +212,23 @@ def _allocated_in_closed_form(
 
 
 def _given(options: argparse.Namespace, name: str) -> bool:
-    return getattr(options, name[2:].replace("-", "_"), None) is not None
+    return getattr(options, name, None) is not None
 
 
 def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
     """Refuse options that are given and would not be used."""
     for name in names:
         if _given(options, name):
-            raise InputError(f"{name}: {why}")
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
 def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
     level = _share(getattr(options, "yield", None))
-    unit = reducer_of(model.mechanism, "a limit at the load")
+    with refusing(f"{options.model}: "):
+        unit = reducer_of(model.mechanism, "a limit at the load")
     torques: list[float | TorqueLaw] = [*_torques(options)]
-    if _given(options, "--arm"):
+    if _given(options, "arm"):
         torques.append(arm(options.arm))
     if not torques and unit.rated_torque is None:
         raise InputError("--at: at which torque? the reducer has no rated_torque; give --at '20 N*m'")
@@ -238,10 +239,7 @@ def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
         found += [
             Limit("transmission_error", options.limit, torque, level) for torque in dict.fromkeys(torques or usual)
         ]
-    for name in _LIMITED:
-        if _given(options, name):
-            quantity_of = name[2:].replace("-", "_")
-            found.append(Limit(quantity_of, getattr(options, quantity_of), None, level))
+    found += [Limit(name, getattr(options, name), None, level) for name in _LIMITED if _given(options, name)]
     return tuple(found)
 
 

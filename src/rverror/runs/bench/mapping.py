@@ -68,11 +68,7 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
         raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
     if unit in _SPELT:
         raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
-    factor, zero = units.unit_scale(unit, dimension)
-    # pint takes every number without a dimension for rad: ratio, percent, bits.
-    if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
-        raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
-    return factor, zero
+    return units.unit_scale(unit, dimension)
 
 
 _TOP = ("name", "file", "columns", "orders", "header")
