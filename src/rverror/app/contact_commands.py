@@ -181,12 +181,12 @@ def _pressure(options: argparse.Namespace) -> None:
     theta = _turn(options)
     cam_bearing = _bearing("--cam-bearing", options.cam_bearing)
     carrier_bearing = _bearing("--carrier-bearing", options.carrier_bearing)
-    model, unit = _loaded(options)
+    model = load_model(options.model)
     with refusing(f"{options.model}: "):
         found = contact_pressure(
             model,
             theta,
-            torque=_rated(options, unit) if options.torque is None else options.torque,
+            torque=options.torque,
             direction=WAYS[options.direction][0],
             disc_width=options.disc_width,
             gear_width=options.gear_width,

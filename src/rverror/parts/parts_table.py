@@ -78,8 +78,11 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
             raise InputError(f"{one.where}: {one.kind} {shown(one.serial)} has {name} already, from "
                              f"{before.where}; keep one, or correct the serial number")  # fmt: skip
         if (one.kind, name) not in checked:
-            _check(one, one.error, mechanism)
             checked |= {(one.kind, name)}
+            entry = source(one.error.key)
+            with refusing(f"{one.where}: ", "; correct it"):
+                MeasuredPart(one.kind, one.serial, (one.error,))
+                entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(one.error.indices))
     return tuple(
         MeasuredPart(
             *part,
@@ -90,14 +93,6 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         )
         for part, own in parts.items()
     )
-
-
-def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
-    """Refuse what is no error of such a part of the mechanism."""
-    entry = source(error.key)
-    with refusing(f"{one.where}: ", "; correct it"):
-        MeasuredPart(one.kind, one.serial, (error,))
-        entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
 
 
 def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:

@@ -129,7 +129,7 @@ def core_columns(
     InputError
         If one cannot be used, or they differ in length.
     """
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    entries = {key: found_entry(file, rule.where, mapping.group) for key, rule in rules.items()}
     numbers = [key for key in rules if key != "direction"]
     stored = dict(zip(numbers, file.read(entries[key] for key in numbers), strict=True))
     sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
@@ -225,7 +225,7 @@ def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: st
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
 
 
-def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
+def found_entry(file: BenchFile, where: Where, group: str = "") -> Entry:
     """The entry that a mapping means.
 
     Raises
@@ -241,9 +241,9 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     if where.column and not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):  # of a matrix
         file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
     name = str(where.column or (where.name if text else where.name.strip("/")))
-    full = f"{mapping.group}/{name}" if mapping.group and not text else name
+    full = f"{group}/{name}" if group and not text else name
     fitting = [entry for entry in file.entries if entry.name == full]
-    if not (fitting or mapping.group or text):
+    if not (fitting or group or text):
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
     inside = [entry.name for entry in file.entries if not text and entry.name.startswith(f"{full}/")]
     if inside and not fitting:
