@@ -258,12 +258,12 @@ def read_runs(options: argparse.Namespace, model: Model) -> tuple[list[Run | Ord
     return fitted, unseen
 
 
-def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None) -> None:
-    """Print a result, or several of one kind, and write it as the options of `results` ask."""
+def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
+    """Print a result, or several of one kind, and write it as the options of `results` ask, with `more` told of it."""
     from rverror.views.report import to_text  # half of all modules
 
-    print(to_text(found), end="")
-    save_results(found, options, draw)
+    print(to_text(found, **more), end="")
+    save_results(found, options, draw, **more)
 
 
 def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:

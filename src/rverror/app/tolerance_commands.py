@@ -19,8 +19,8 @@ from rverror.app.terminal import (
     quantity,
     results,
     save,
-    save_results,
     say_replaced,
+    write_results,
 )
 from rverror.base.errors import InputError, refusing
 from rverror.base.units import InCore
@@ -38,7 +38,6 @@ from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
 from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
-from rverror.views.report import to_text
 
 _LIMITED = ("lost_motion", "backlash", "stiffness")  # what only the load tells
 _AT_LOAD = (*_LIMITED, "arm")
@@ -122,8 +121,7 @@ def _budget(options: argparse.Namespace) -> None:
             seed=options.seed,
             progress=progress,
         )
-    print(to_text(found, limit=options.limit), end="")
-    save_results(found, options, limit=options.limit)
+    write_results(found, options, limit=options.limit)
 
 
 @command(
@@ -157,11 +155,10 @@ def _allocate(options: argparse.Namespace) -> None:
             found = _allocated_at_load(options, model, tolerances, progress)
         else:
             found, front = _allocated_in_closed_form(options, model, tolerances, progress)
-    print(to_text(found), end="")
+    write_results(found, options, (lambda: found.plot(kind="front", front=front)) if front else None)
     if options.save:
         say_replaced(options.save)
         save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
-    save_results(found, options, (lambda: found.plot(kind="front", front=front)) if front else None)
 
 
 def _allocated_at_load(
