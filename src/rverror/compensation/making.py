@@ -260,9 +260,7 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
     of_runs = _with_the_others([repeating_orders(record) for record in data.records])
     _check_left_out(data)
-    of_records = [
-        OrderCase(condition=one.record.condition, orders=one.orders, waves=one.waves) for one in merged(of_runs)
-    ]
+    of_records = merged(of_runs)
     rows = of_records + [case for _, case in data.tables]
     cases, sides = list[OrderCase](), list[_Side]()
     for sense in (1.0, -1.0):
