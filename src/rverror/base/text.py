@@ -232,21 +232,20 @@ def some(numbers: Iterable[int], limit: int = 5) -> str:
     return ", ".join(map(str, listed[:limit])) + (", ..." if len(listed) > limit else "")
 
 
+#: Why a file cannot be read or written, with the remedy, by what is raised.
+_REASONS: Mapping[type[Exception], str] = {
+    IsADirectoryError: "this is a folder; give a file",
+    NotADirectoryError: "a part of the path is a file, not a folder; check the path",
+    PermissionError: "no permission to {verb} it; change the permissions or choose another place",
+    UnicodeEncodeError: "a text holds a character that is no UTF-8; remove it",
+}
+
+
 def _reason(error: Exception, verb: str) -> str:
-    match error:
-        case FileNotFoundError() if verb == "read":
-            return "there is no such file; check the path"
-        case FileNotFoundError():
-            return "there is no such folder; make it first"
-        case IsADirectoryError():
-            return "this is a folder; give a file"
-        case NotADirectoryError():
-            return "a part of the path is a file, not a folder; check the path"
-        case PermissionError():
-            return f"no permission to {verb} it; change the permissions or choose another place"
-        case UnicodeEncodeError():
-            return "a text holds a character that is no UTF-8; remove it"
-        case OSError():
-            return f"cannot {verb} it ({error.strerror or 'input/output error'}); check the disk and the path"
-        case _:
-            return f"cannot {verb} it ({error}); check the path"
+    if isinstance(error, FileNotFoundError):
+        return f"there is no such {'file; check the path' if verb == 'read' else 'folder; make it first'}"
+    if type(error) in _REASONS:
+        return _REASONS[type(error)].format(verb=verb)
+    if isinstance(error, OSError):
+        return f"cannot {verb} it ({error.strerror or 'input/output error'}); check the disk and the path"
+    return f"cannot {verb} it ({error}); check the path"

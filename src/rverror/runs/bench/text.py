@@ -514,16 +514,15 @@ def _decimal(
             f"line {rows[row] + 1}, column {place + 1}: {shown(found.cell)} {found.why}; write decimal = '.' or ',' in "
             "[file] of the mapping, and export numbers without signs between thousands",
         )
-    if found in ("", ".") and separator == ",":
-        return ".", []
-    return found or ".", [f"decimal sign found in the rows: {found!r}"] if found else []
+    told = found and not (found == "." and separator == ",")
+    return found or ".", [f"decimal sign found in the rows: {found!r}"] if told else []
 
 
 def _column(cells: Sequence[str], decimal: str) -> RawArray:
     """Numbers of a column, NaN where a cell holds none; or its times of day, where its cells are such."""
     if seconds_of_day(next(filter(None, cells), "")) is not None:
-        nanoseconds = [None if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
-        return np.array(["NaT" if each is None else each for each in nanoseconds], dtype="timedelta64[ns]")
+        times = ["NaT" if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
+        return np.array(times, dtype="timedelta64[ns]")
     if decimal == "." and "_" not in "".join(cells):  # which Python reads over
         try:
             return np.array(cells, dtype=np.float64)
