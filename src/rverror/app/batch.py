@@ -25,7 +25,7 @@ from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.model.model_file import load_model
-from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.file import RUN_SUFFIXES, folders_of_runs
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
@@ -229,25 +229,17 @@ def _units(
     root: Path, out: Path, model: str | None, mapping: str | None, *, pages: bool
 ) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
     """Units of a folder in the order of their names, and a note for each subfolder with runs but no model."""
-    suffixes = ".csv" if mapping is None else RUN_SUFFIXES
-    try:
-        folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
-        found, notes = [], []
-        for path in folders:
-            names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
-            runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
-            name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or (
-                SUMMARY in names and _OWN_SUMMARY in read_text(path / SUMMARY)
-            )
-            own = str(path / MODEL) if MODEL in names else model
-            if MODEL in names or (own and runs and not results):
-                page = out / f"{path.name}.html" if pages else None
-                found.append(_Unit(name, path, str(own), runs, out / f"{path.name}.json", page, mapping))
-            elif runs and not results:
-                notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{root}: cannot read the folder ({error}); check the path") from error
+    found, notes = [], []
+    for path, runs in folders_of_runs(root, ".csv" if mapping is None else RUN_SUFFIXES).items():
+        name = path.name if is_printable(path.name) else ascii(path.name)
+        summary, has_model = path / SUMMARY, (path / MODEL).is_file()
+        results = path.resolve() == out.resolve() or (summary.is_file() and _OWN_SUMMARY in read_text(summary))
+        own = str(path / MODEL) if has_model else model
+        if has_model or (own and runs and not results):
+            page = out / f"{path.name}.html" if pages else None
+            found.append(_Unit(name, path, str(own), runs, out / f"{path.name}.json", page, mapping))
+        elif runs and not results:
+            notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
     if not found:
         what = f"no subfolder holds a {MODEL}" + ("" if model is None else ", nor any run")
         raise InputError(f"{root}: {what}; give a folder with one subfolder for each unit")

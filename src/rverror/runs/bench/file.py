@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, file_head, shown
 from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
@@ -38,6 +39,26 @@ _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
+
+
+def folders_of_runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[Path, tuple[str, ...]]:
+    """Files with these endings in each subfolder; hidden files and folders are left out.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read.
+    """
+    try:
+        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
+        files = {each: sorted(path for path in each.iterdir() if path.is_file()) for each in folders}
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+    return {
+        each: tuple(str(p) for p in own if p.name.lower().endswith(suffixes) and not p.name.startswith("."))
+        for each, own in files.items()
+    }
 
 
 def is_bench_file(path: PathLike) -> bool:
