@@ -15,7 +15,7 @@ from rverror.app.terminal import (
     MODEL,
     RUNS,
     ProgressLine,
-    check_output,
+    check_outputs,
     command,
     flag,
     make_folder,
@@ -138,8 +138,8 @@ def _demo(options: argparse.Namespace) -> None:
     folder = make_folder(options.output, "choose another with --output")
     shipped = resources.files("rverror") / "data" / "demo"
     given = ["model.toml", "forward.csv", "reverse.csv"]
+    check_outputs([str(folder / name) for name in given], [])
     for name in given:
-        check_output(str(folder / name), [])
         write_output(folder / name, (shipped / name).read_text(encoding="utf-8"))
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
     made = {"--json": "diagnosis.json", "--save": "model-with-cause.toml"}

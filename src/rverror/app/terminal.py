@@ -86,23 +86,15 @@ class Option:
     writes: bool = False
 
 
-def option(
-    metavar: str | tuple[str, ...] | None = None,
-    help: str | None = None,
-    *,
-    size: str = "",
-    least: float | None = None,
-    reads: bool = False,
-    writes: bool = False,
-    **more: Any,
-) -> Option:
+def option(metavar: str | tuple[str, ...] | None = None, help: str | None = None, **more: Any) -> Option:
     """One entry of the table of options that `add_command` takes; what `Option` does not know is for argparse."""
-    return Option({"metavar": metavar, "help": help, **more}, size, least, reads, writes)
+    own = {name: more.pop(name) for name in ("size", "least", "reads", "writes") if name in more}
+    return Option({"metavar": metavar, "help": help, **more}, **own)
 
 
-def number(help: str, *, least: int | None = None, **more: Any) -> Option:
-    """Option that is a whole number; `least` where no function refuses a smaller one."""
-    return option("N", help, type=int, least=least, **more)
+def number(help: str, **more: Any) -> Option:
+    """Option that is a whole number, with a `least` where no function refuses a smaller one."""
+    return option("N", help, type=int, **more)
 
 
 def flag(help: str) -> Option:
@@ -243,8 +235,19 @@ def check_outputs(outputs: Sequence[str], inputs: Sequence[str]) -> None:
     """Refuse, before any work, files that no message can name and outputs that cannot be written."""
     for path in inputs:
         check_name(path)
+    read = {os.path.realpath(path) for path in inputs}
     for path in outputs:
-        check_output(path, inputs)
+        folder = os.path.dirname(os.path.abspath(path))
+        if os.path.realpath(path) in read:
+            raise InputError(f"{path}: this output is also an input; choose another name")
+        if not os.path.isdir(folder):
+            raise InputError(f"{path}: there is no folder {folder}; make it first")
+        if os.path.isdir(path):
+            raise InputError(f"{path}: this is a folder; give a file")
+        if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
+            raise InputError(f"{path}: this is a device or pipe, no file; give a file")
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"{path}: no permission to write in {folder}; choose another place")
     if (twice := given_twice(outputs)) is not None:
         raise InputError(f"{twice}: two outputs are this file, by name or by a link; give each its own")
 
@@ -292,21 +295,6 @@ def save_with(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
     if options.save:
         say_replaced(options.save)
         save_model(options.save, load_model(options.model).with_effects(*map(rounded, effects)), overwrite=True)
-
-
-def check_output(path: str, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, an output that is an input or has no folder."""
-    if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
-        raise InputError(f"{path}: this output is also an input; choose another name")
-    folder = os.path.dirname(os.path.abspath(path))
-    if not os.path.isdir(folder):
-        raise InputError(f"{path}: there is no folder {folder}; make it first")
-    if os.path.isdir(path):
-        raise InputError(f"{path}: this is a folder; give a file")
-    if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
-        raise InputError(f"{path}: this is a device or pipe, no file; give a file")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
 
 
 def make_folder(path: str | Path, remedy: str) -> Path:
