@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -34,6 +36,8 @@ from rverror.runs.reading import (
     refuse,
     stated_value,
 )
+
+R = TypeVar("R", bound=Reading)
 
 _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
@@ -117,47 +121,65 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         remedy = ", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
         remedy += some_names(entry.name for entry in file.entries)
     check_needed(file.path, mapping.path or file.place or "columns", names, remedy)
-    notes = list(file.notes)
-    entries, columns = core_columns(file, mapping, rules, notes)
-    size = next(iter(columns.values())).size
+    read, entries, header = contents(file, mapping, rules, HEADER_KEYS, Reading)
+    columns, stated, notes = dict(read.columns), dict(read.stated), list(read.notes)
     if "time" not in columns:
-        columns |= _clock(file, list(entries.values()), size, notes)
-    header = header_values(file, mapping, HEADER_KEYS, notes)
-    stated = stated_conditions(file, header, HEADER_KEYS)
+        columns |= _clock(file, list(entries.values()), read.labels.size, notes)
     if "direction" in header:
         stated["direction"] = _direction(file, header["direction"]), header["direction"].at
-    notes += left_out_columns(file, list(entries.values()))
-    reading = Reading(
-        path=file.path,
-        columns=columns,
-        labels=file.rows(size),
-        noun=file.noun,
-        stated=stated,
-        index=header["index"].text if "index" in header else "",
-        metadata={key: value.text for key, value in header.items()},
-        notes=tuple(notes),
-    )
-    return integrated(reading)
+    return integrated(replace(read, columns=columns, stated=stated, notes=tuple(notes)))
 
 
-def core_columns(
-    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], notes: list[str]
-) -> tuple[dict[str, Entry], dict[str, Array]]:
-    """Entries of known columns, and those that are numbers in core units; `notes` gets what was assumed.
+def contents(
+    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], keys: Sequence[str], kind: type[R]
+) -> tuple[R, dict[str, Entry], dict[str, Stated]]:
+    """Known columns and header of a file, before the checks of a run or an order table.
+
+    Parameters
+    ----------
+    rules : mapping of str to ColumnRule
+        Of the known columns.
+    keys : sequence of str
+        Of the header, that have a meaning.
+    kind : type
+        `Reading`, or one of its own.
+
+    Returns
+    -------
+    read : Reading
+        Its conditions without the direction, which words tell.
+    entries : dict of str to Entry
+        Of the known columns.
+    header : dict of str to Stated
 
     Raises
     ------
     InputError
-        If one cannot be used, or they differ in length.
+        If a column cannot be used, they differ in length, or a value of the header is missing or has no unit.
     """
+    notes = list(file.notes)
     entries = {key: found_entry(file, rule.where, mapping.group) for key, rule in rules.items()}
     numbers = [key for key in rules if key != "direction"]
     stored = dict(zip(numbers, file.read(entries[key] for key in numbers), strict=True))
     sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
     check_lengths(file.path, sizes, "record them at one rate, or export them again")
-    return entries, {
-        key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()
-    }
+    columns = {key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()}
+    header = header_values(file, mapping, keys, notes)
+    read = kind(
+        path=file.path,
+        columns=columns,
+        labels=file.rows(next(iter(columns.values())).size),
+        noun=file.noun,
+        stated={
+            key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
+            for key, stated in header.items()
+            if key in keys and key in ORDER_CONDITIONS
+        },
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
+        notes=(*notes, *left_out_columns(file, list(entries.values()))),
+    )
+    return read, entries, header
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
@@ -335,23 +357,6 @@ def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], n
     for key, rule in mapping.header.items():
         stated[key] = Stated(text=rule.text or _property(file, key, rule), at=rule.where.stated_at)
     return stated
-
-
-def stated_conditions(
-    file: BenchFile, header: Mapping[str, Stated], keys: Sequence[str]
-) -> dict[str, tuple[float, str]]:
-    """Conditions among some keys of a header, in core units, each with its place.
-
-    Raises
-    ------
-    InputError
-        If one has no unit or is none.
-    """
-    return {
-        key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
-        for key, stated in header.items()
-        if key in keys and key in ORDER_CONDITIONS
-    }
 
 
 def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
