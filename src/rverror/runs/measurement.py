@@ -367,7 +367,6 @@ def run_from_arrays(
     if temperature is not None:
         stated["temperature"] = stated_value("", "temperature", temperature, "temperature"), ""
     reading = Reading(
-        path="",
         columns=columns,
         labels=np.arange(next(iter(sizes.values()), 0)),
         noun="sample",

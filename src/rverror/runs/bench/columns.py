@@ -98,10 +98,6 @@ class BenchFile(OfFile):
     decimal: str = "."
     cells: Callable[[int], list[str]] | None = None
 
-    def rows(self, size: int) -> RawArray:
-        """What messages call each of so many rows."""
-        return np.arange(size) if self.labels is None else self.labels
-
     def read(self, chosen: Iterable[Entry]) -> list[RawArray]:
         """Arrays of some of the entries, as stored."""
         return self.columns([self._place(entry) for entry in chosen])

@@ -95,7 +95,8 @@ def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Sequence[st
     if kind == "archive":
         refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
     if kind == "text":
-        return open_text(path, mapping.text, _wanted(mapping), standard)
+        rules = [*mapping.columns.values(), *mapping.orders.values()]
+        return open_text(path, mapping.text, [rule.where.column or rule.where.name for rule in rules], standard)
     if kind in ("MAT", "TDMS"):
         return open_mat(path) if kind == "MAT" else open_tdms(path)
     return open_hdf5(path, kind.removesuffix(" 7.3"))
@@ -168,7 +169,7 @@ def contents(
     read = kind(
         path=file.path,
         columns=columns,
-        labels=file.rows(next(iter(columns.values())).size),
+        labels=np.arange(next(iter(columns.values())).size) if file.labels is None else file.labels,
         noun=file.noun,
         stated={
             key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
@@ -211,12 +212,6 @@ def _kind(path: PathLike) -> str:
 
 
 # --- which columns ----------------------------------------------------------------------------------------------------
-
-
-def _wanted(mapping: BenchMapping) -> list[str | int]:
-    """Names or numbers of columns that a text file must have; none where the standard ones are looked for."""
-    rules = [*mapping.columns.values(), *mapping.orders.values()]
-    return [rule.where.column or rule.where.name for rule in rules]
 
 
 def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Sequence[str]) -> dict[str, ColumnRule]:
