@@ -31,6 +31,7 @@ from rverror.app.terminal import (
     write_output,
 )
 from rverror.base.errors import InputError
+from rverror.base.text import some
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.validation import validated
 from rverror.model.model_file import load_model
@@ -118,7 +119,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
     overview = Path(options.output) / (OVERVIEW if options.pages else SUMMARY)
     print(f"{len(batch.outcomes)} units: {counts}; see {overview}")
     if failed := batch.of("failed"):
-        names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
+        names = some(outcome.unit for outcome in failed)
         raise InputError(
             f"{len(failed)} of {len(batch.outcomes)} units could not be diagnosed ({names}); "
             "correct them and start again, the others are kept"

@@ -226,9 +226,15 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f" did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
-def some(numbers: Iterable[int], limit: int = 5) -> str:
-    """List a few numbers: ``17, 40, 99, ...``."""
-    listed = list(numbers)
+def some(values: Iterable[object], limit: int = 5) -> str:
+    """List a few numbers or names.
+
+    Examples
+    --------
+    >>> some(["A", "B"]), some("ABCDEF")
+    ('A, B', 'A, B, C, D, E, ...')
+    """
+    listed = list(values)
     return ", ".join(map(str, listed[:limit])) + (", ..." if len(listed) > limit else "")
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.spreadsheet import table_rows
-from rverror.base.text import PathLike, check_name, check_path, did_you_mean, shown
-from rverror.lots.amplitudes import LotUnit, some
+from rverror.base.text import PathLike, check_name, check_path, did_you_mean, shown, some
+from rverror.lots.amplitudes import LotUnit
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.file import RUN_SUFFIXES, folders_of_runs
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
