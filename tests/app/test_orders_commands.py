@@ -70,7 +70,7 @@ def test_what_is_replaced_is_said(bench: Path, capsys: pytest.CaptureFixture[str
     [
         (
             ["simulate", "gear.toml", "--orders", "1,x"],
-            "orders = ['1', 'x']: must be numbers, in waves per",
+            "orders = ['1', 'x']: must be numbers, in waves per output turn",
         ),
         (["simulate", "gear.toml", "--orders", ""], "--orders: '' has no name"),
         (["simulate", "gear.toml", "--orders", "1,0"], "orders: 0 must be a number above 0"),
