@@ -353,7 +353,7 @@ def test_a_workbook_is_written_or_refused_before_the_work(
     monkeypatch.setattr(diagnosis_commands, "diagnose", unreachable)
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     line = refused(bench, capsys, ("diagnose", "worm.toml", "run.csv", "--xlsx", "other.xlsx"))
-    assert "other.xlsx: spreadsheets need openpyxl; install it by pip install 'rverror[io]'" in line
+    assert "other.xlsx: spreadsheets need openpyxl; install it with: pip install 'rverror[io]'" in line
 
 
 @pytest.mark.parametrize("problem", [NotConvergedError("no equilibrium;\n raise the torque"), KeyboardInterrupt()])

@@ -68,7 +68,10 @@ def test_what_is_replaced_is_said(bench: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["simulate", "gear.toml", "--orders", "1,x"], "--orders: 'x' is no number; write it like '1,39,40'"),
+        (
+            ["simulate", "gear.toml", "--orders", "1,x"],
+            "orders = ['1', 'x']: must be numbers, in waves per output turn",
+        ),
         (["simulate", "gear.toml", "--orders", ""], "--orders: '' has no name"),
         (["simulate", "gear.toml", "--orders", "1,0"], "orders: 0 must be a number above 0"),
         (["simulate", "gear.toml", "--orders", "1,1"], "orders: 1 is asked for twice"),

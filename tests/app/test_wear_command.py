@@ -61,14 +61,17 @@ def test_phases_running_in_and_joints(model: str, tmp_path: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (["--coefficient", "spline=1e-10 mm^3/(N*m)"], "write it like '1e-8 um/kN'"),
+        (
+            ["--coefficient", "spline=1e-10 mm^3/(N*m)"],
+            "spline: 'mm^3/(N*m)' is no unit of contact compliance; use one like 'um/kN'",
+        ),
         (["--coefficient", "1e-10 mm^3/(N*m)", "--running-in", "1 um"], "write it like '0.5 um, 1e-10 mm^3/(N*m)'"),
         (
             ["--coefficient", "1e-10 mm^3/(N*m)", "--phase", "1 N*m, 1 rpm, 1 h"],
             "give --torque and --speed, or --phase",
         ),
         (["--coefficient", "pni=1e-10 mm^3/(N*m)"], "no body 'pni'; did you mean 'pin'?"),
-        (["--coefficient", "1e-10"], "--coefficient: '1e-10' has no unit"),
+        (["--coefficient", "1e-10"], "--coefficient: disc: '1e-10' has no unit; write it like '1e-10 mm^3/(N*m)'"),
         (["--coefficient", "1e-4 mm^3/(N*m)"], "mm would be worn off"),
     ],
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from rverror.base.threads import BLAS_THREADS, at_most, cores, each, each_part, one_for_a_diagnosis, one_thread, threads
+from rverror.base.threads import BLAS_THREADS, at_most, cores, each, each_part, one_for_a_diagnosis, threads
 from rverror.model.catalogue import extended, source
 
 
@@ -94,12 +94,6 @@ def test_parts_are_whole_blocks_that_make_up_the_range(monkeypatch: pytest.Monke
     assert [at for part in parts for at in range(part.start, part.stop)] == list(range(size))
     assert all(part.start % 8 == 0 for part in parts)
     assert len(parts) <= int(count)
-
-
-def test_a_worker_beside_others_solves_on_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "4")
-    one_thread()
-    assert threads() == 1
 
 
 def test_what_fails_on_a_thread_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ import rverror
 from recordings import bench, recording
 from rverror import Drive, Model, reducer
 from rverror.base.errors import InputError
-from rverror.base.text import read_text, split_lines, write_text
+from rverror.base.text import read_text, split_lines, write_file
 from rverror.base.units import ARCSEC
 from rverror.geartrain.kinematics import motion_direction
 from rverror.runs.checks import smooth_direction
@@ -632,25 +632,25 @@ def test_what_would_not_read_back_is_not_written(tmp_path: Path, change: dict[st
 
 def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "a.txt"
-    write_text(file, "old", overwrite=False)
+    write_file(file, "old", overwrite=False)
 
     def full(self: Path, target: Path) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(InputError, match=r"a\.txt: cannot write it \(No space left on device\)"):
-        write_text(file, "new", overwrite=True)
+        write_file(file, "new", overwrite=True)
     assert read_text(file) == "old"
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
 def test_places_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such folder; make it first"):
-        write_text(tmp_path / "none" / "a.txt", "x", overwrite=False)
+        write_file(tmp_path / "none" / "a.txt", "x", overwrite=False)
     with pytest.raises(InputError, match="this is a folder"):
-        write_text(tmp_path, "x", overwrite=True)
+        write_file(tmp_path, "x", overwrite=True)
     with pytest.raises(InputError, match="no UTF-8"):
-        write_text(tmp_path / "a.txt", "\ud800", overwrite=False)
+        write_file(tmp_path / "a.txt", "\ud800", overwrite=False)
     assert os.listdir(tmp_path) == []
 
 
@@ -659,7 +659,7 @@ def test_overwriting_follows_links_and_keeps_the_mode(tmp_path: Path) -> None:
     file.write_text("old")
     file.chmod(0o640)
     link.symlink_to(file)
-    write_text(link, "new", overwrite=True)
+    write_file(link, "new", overwrite=True)
     assert link.is_symlink()
     assert file.read_text() == "new"
     assert file.stat().st_mode & 0o777 == 0o640

@@ -20,12 +20,12 @@ from rverror.base.errors import InputError
 from rverror.base.memory import keep_freed_memory
 from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
-from rverror.base.text import PathLike, check_name, is_printable, read_text, write_text
+from rverror.base.text import PathLike, check_name, is_printable, read_text, write_file
 from rverror.base.threads import BLAS_THREADS, KERNEL_THREADS, cores
 from rverror.base.version import __version__
 from rverror.diagnosis.loop import diagnose
 from rverror.model.model_file import load_model
-from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.file import RUN_SUFFIXES, folders_of_runs
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
@@ -209,10 +209,10 @@ def diagnose_folder(
     from rverror.views.report import to_csv, to_html  # all kinds of results
 
     batch = Batch(tuple(outcomes[unit.name] for unit in units), notes, root.resolve().name)
-    write_text(target / SUMMARY, to_csv(batch), overwrite=True)
+    write_file(target / SUMMARY, to_csv(batch), overwrite=True)
     if pages:
         urgent = sorted(batch.outcomes, key=lambda each: (_URGENCY.get(each.verdict, 0), each.unit))
-        write_text(target / OVERVIEW, to_html(replace(batch, outcomes=tuple(urgent))), overwrite=True)
+        write_file(target / OVERVIEW, to_html(replace(batch, outcomes=tuple(urgent))), overwrite=True)
     return batch
 
 
@@ -229,25 +229,17 @@ def _units(
     root: Path, out: Path, model: str | None, mapping: str | None, *, pages: bool
 ) -> tuple[tuple[_Unit, ...], tuple[str, ...]]:
     """Units of a folder in the order of their names, and a note for each subfolder with runs but no model."""
-    suffixes = ".csv" if mapping is None else RUN_SUFFIXES
-    try:
-        folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
-        found, notes = [], []
-        for path in folders:
-            names = sorted(p.name for p in path.iterdir() if not p.name.startswith(".") and p.is_file())
-            runs = tuple(str(path / run) for run in names if run.lower().endswith(suffixes))
-            name = path.name if is_printable(path.name) else ascii(path.name)
-            results = path.resolve() == out.resolve() or (
-                SUMMARY in names and _is_of_batch(path / SUMMARY, _OWN_SUMMARY)
-            )
-            own = str(path / MODEL) if MODEL in names else model
-            if MODEL in names or (own and runs and not results):
-                page = out / f"{path.name}.html" if pages else None
-                found.append(_Unit(name, path, str(own), runs, out / f"{path.name}.json", page, mapping))
-            elif runs and not results:
-                notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{root}: cannot read the folder ({error}); check the path") from error
+    found, notes = [], []
+    for path, runs in folders_of_runs(root, ".csv" if mapping is None else RUN_SUFFIXES).items():
+        name = path.name if is_printable(path.name) else ascii(path.name)
+        summary, has_model = path / SUMMARY, (path / MODEL).is_file()
+        results = path.resolve() == out.resolve() or (summary.is_file() and _OWN_SUMMARY in read_text(summary))
+        own = str(path / MODEL) if has_model else model
+        if has_model or (own and runs and not results):
+            page = out / f"{path.name}.html" if pages else None
+            found.append(_Unit(name, path, str(own), runs, out / f"{path.name}.json", page, mapping))
+        elif runs and not results:
+            notes.append(f"{name}: left out, for it holds runs but no {MODEL}; --model gives one for all")
     if not found:
         what = f"no subfolder holds a {MODEL}" + ("" if model is None else ", nor any run")
         raise InputError(f"{root}: {what}; give a folder with one subfolder for each unit")
@@ -261,12 +253,8 @@ def _check_nothing_is_lost(out: Path, units: Sequence[_Unit]) -> None:
         raise InputError(f"{out / OVERVIEW}: the overview and a unit's page have one name; rename the unit's folder")
     marks = {out / SUMMARY: _OWN_SUMMARY} | dict.fromkeys([*pages, out / OVERVIEW] if pages else [], _OWN_PAGE)
     for path, mark in marks.items():
-        if os.path.lexists(path) and not _is_of_batch(path, mark):
+        if os.path.lexists(path) and mark not in read_text(path):
             raise InputError(f"{path}: no batch has written this file; rename it or choose another folder")
-
-
-def _is_of_batch(path: Path, mark: str) -> bool:
-    return mark in read_text(path)
 
 
 def _earlier(unit: _Unit) -> UnitOutcome | None:
@@ -346,10 +334,9 @@ def _finish(unit: _Unit, future: Future[_Answer]) -> UnitOutcome:
     except Exception as problem:  # of the executor: a worker killed, a cluster gone, a version that differs there
         return UnitOutcome(unit.name, "failed", error=_lost(problem))
     try:
-        if content and unit.page is not None:
-            write_text(unit.page, page, overwrite=True)
-        if content:
-            write_text(unit.result, content, overwrite=True)
+        for path, text in ((unit.page, page), (unit.result, content)):
+            if path is not None and content:
+                write_file(path, text, overwrite=True)
     except InputError as problem:
         return UnitOutcome(unit.name, "failed", error=str(problem), seconds=outcome.seconds)
     return outcome

@@ -6,8 +6,6 @@ import argparse
 import os
 from collections.abc import Sequence
 
-import numpy as np
-
 from rverror.app.terminal import (
     MAPPING,
     MODEL,
@@ -118,4 +116,4 @@ def _with_causes(
 def _loads(runs: Sequence[Run | OrderTable]) -> set[float]:
     loads = [one.torque for one in runs if isinstance(one, Run)]
     loads += [case.condition.torque for one in runs if isinstance(one, OrderTable) for case in one.cases]
-    return {float(np.float64(load)) for load in loads if load is not None}
+    return {float(load) for load in loads if load is not None}

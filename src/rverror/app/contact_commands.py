@@ -17,10 +17,8 @@ from rverror.app.terminal import (
     choice,
     command,
     duty_phases,
-    named,
     number,
     option,
-    quantity,
     results,
     save,
     save_with,
@@ -29,7 +27,7 @@ from rverror.app.terminal import (
 )
 from rverror.base import units
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import with_unit
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
@@ -47,32 +45,14 @@ _SIDES = {"input": ("input",), "output": ("output",), "both": ("input", "output"
 _SHARES = (0.005, 0.01, 0.02, 0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0)
 
 
-#: Options of a duty's heat, by what the library calls them.
+#: Options of a duty's heat, by what the library calls them: how each is written, its dimension, and what it is.
 _HEAT = {
-    "thermal_resistance": option(
-        '"0.3 K/W"',
-        "with --phase: thermal resistance from the housing to the surroundings (default 0)",
-        size="thermal_resistance",
-    ),
-    "inside_resistance": option(
-        '"0.1 K/W"',
-        "with --phase: thermal resistance from the inside to the housing (default 0)",
-        size="thermal_resistance",
-    ),
-    "ambient": option(
-        '"20 degC"', "with --phase: temperature of the surroundings (default 20 degC)", size="temperature"
-    ),
-    "temperature": option(
-        '"50 degC"', "with --phase: temperature of the whole unit, if it is known", size="temperature"
-    ),
+    "thermal_resistance": ("0.3 K/W", "thermal_resistance", "thermal resistance, housing to surroundings (default 0)"),
+    "inside_resistance": ("0.1 K/W", "thermal_resistance", "thermal resistance, inside to housing (default 0)"),
+    "ambient": ("20 degC", "temperature", "temperature of the surroundings (default 20 degC)"),
+    "temperature": ("50 degC", "temperature", "temperature of the whole unit, if it is known"),
 }
-#: What `--lubricant` takes, in order: dimension, and how it is written.
-_OIL = {
-    "viscosity_40": ("viscosity", "150 cSt"),
-    "viscosity_100": ("viscosity", "15 cSt"),
-    "temperature": ("temperature", "20 degC"),
-    "speed": ("angular_speed", "1815 rpm"),
-}
+_OIL = ("viscosity_40", "viscosity_100", "temperature", "speed")  # what `--lubricant` takes, in order
 _LUBRICANT = (
     "with --phase: viscosity of the oil at 40 and 100 degC, and the temperature and input speed for which the drag is "
     'given; like "150 cSt" "15 cSt" "20 degC" "1815 rpm"'
@@ -97,7 +77,10 @@ def _angles(count: int) -> dict[str, Any]:
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
         "--direction": choice(WAYS, "forward"),
         **PHASES,
-        **{f"--{name.replace('_', '-')}": row for name, row in _HEAT.items()},
+        **{
+            f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {what}", size=dimension)
+            for name, (example, dimension, what) in _HEAT.items()
+        },
         "--lubricant": option(("AT_40", "AT_100", "TEMPERATURE", "SPEED"), _LUBRICANT, nargs=4),
         **save("NEW.toml", "with --phase: write the model of the warm unit"),
         **_angles(EFFICIENCY_ANGLES),
@@ -125,7 +108,7 @@ def _efficiency(options: argparse.Namespace) -> None:
                 tell(f"{with_unit(torque, 'torque')}: the output drives with more than the drag, {drag}; left out")
                 continue
             for sense in WAYS[options.direction]:
-                with named(options.model):
+                with refusing(f"{options.model}: "):
                     found.append(efficiency(model, theta, torque=torque, direction=sense, drives=side))
     write_results(found[0] if len(found) == 1 else found, options, lambda: found[0].plot(beside=found[1:]))
 
@@ -137,15 +120,11 @@ def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     phases = duty_phases(options.phase)
     heat: dict[str, Any] = {name: size for name in _HEAT if (size := getattr(options, name)) is not None}
     if options.lubricant:
-        sizes = [
-            quantity("--lubricant", text, dimension, example=example)
-            for text, (dimension, example) in zip(options.lubricant, _OIL.values(), strict=True)
-        ]
-        with named("--lubricant"):
-            heat["lubricant"] = Lubricant(**dict(zip(_OIL, sizes, strict=True)))
+        with refusing("--lubricant: "):
+            heat["lubricant"] = Lubricant(**dict(zip(_OIL, options.lubricant, strict=True)))
     model, _ = _loaded(options)
     sense, side = WAYS[options.direction][0], _SIDES[options.drives][0]
-    with named(options.model):
+    with refusing(f"{options.model}: "):
         found = duty_efficiency(model, theta, duty=phases, direction=sense, drives=side, **heat)
     write_results(found, options, lambda: found.phases[0].plot(beside=found.phases[1:]))
     save_with(options, [found.growth])
@@ -171,7 +150,7 @@ def _hysteresis(options: argparse.Namespace) -> None:
     lost = MAKERS_SHARE * (unit.rated_torque or 0.0)
     sizes = {0.0, *(share * top for share in _SHARES), *([lost] if lost <= top else [])}
     torques = [units.InCore(size) for size in sorted(sizes | {-size for size in sizes})]
-    with named(options.model):
+    with refusing(f"{options.model}: "):
         found = hysteresis(model, [options.angle], torques=torques)
     write_results(found, options)
 
@@ -202,12 +181,12 @@ def _pressure(options: argparse.Namespace) -> None:
     theta = _turn(options)
     cam_bearing = _bearing("--cam-bearing", options.cam_bearing)
     carrier_bearing = _bearing("--carrier-bearing", options.carrier_bearing)
-    model, unit = _loaded(options)
-    with named(options.model):
+    model = load_model(options.model)
+    with refusing(f"{options.model}: "):
         found = contact_pressure(
             model,
             theta,
-            torque=_rated(options, unit) if options.torque is None else options.torque,
+            torque=options.torque,
             direction=WAYS[options.direction][0],
             disc_width=options.disc_width,
             gear_width=options.gear_width,
@@ -221,15 +200,15 @@ def _turn(options: argparse.Namespace) -> Array:
     return np.linspace(0, 2 * math.pi, options.count, endpoint=False)
 
 
-def _bearing(name: str, given: list[str] | None) -> RollerBearing | None:
+def _bearing(name: str, given: list[Any] | None) -> RollerBearing | None:
     if given is None:
         return None
     try:
         rollers = int(given[0])
     except ValueError as problem:
         raise InputError(f"{name}: {given[0]!r} rollers: must be a whole number, like 14") from problem
-    diameter, length, race = (quantity(name, text, "length", example="5 mm") for text in given[1:])
-    with named(name):
+    _, diameter, length, race = given
+    with refusing(f"{name}: "):
         return RollerBearing(rollers=rollers, roller_diameter=diameter, roller_length=length, race_diameter=race)
 
 

@@ -15,7 +15,7 @@ from rverror.app.terminal import (
     MODEL,
     RUNS,
     ProgressLine,
-    check_output,
+    check_outputs,
     command,
     flag,
     make_folder,
@@ -31,6 +31,7 @@ from rverror.app.terminal import (
     write_output,
 )
 from rverror.base.errors import InputError
+from rverror.base.text import some
 from rverror.diagnosis.loop import diagnose
 from rverror.diagnosis.validation import validated
 from rverror.model.model_file import load_model
@@ -118,7 +119,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
     overview = Path(options.output) / (OVERVIEW if options.pages else SUMMARY)
     print(f"{len(batch.outcomes)} units: {counts}; see {overview}")
     if failed := batch.of("failed"):
-        names = ", ".join(outcome.unit for outcome in failed[:5]) + (", ..." if len(failed) > 5 else "")
+        names = some(outcome.unit for outcome in failed)
         raise InputError(
             f"{len(failed)} of {len(batch.outcomes)} units could not be diagnosed ({names}); "
             "correct them and start again, the others are kept"
@@ -138,8 +139,8 @@ def _demo(options: argparse.Namespace) -> None:
     folder = make_folder(options.output, "choose another with --output")
     shipped = resources.files("rverror") / "data" / "demo"
     given = ["model.toml", "forward.csv", "reverse.csv"]
+    check_outputs([str(folder / name) for name in given], [])
     for name in given:
-        check_output(str(folder / name), [])
         write_output(folder / name, (shipped / name).read_text(encoding="utf-8"))
     print("An RV-40E as declared by its shop floor, and two simulated test-bench runs, forward and reverse, 20 N*m.")
     made = {"--json": "diagnosis.json", "--save": "model-with-cause.toml"}

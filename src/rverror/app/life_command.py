@@ -6,8 +6,8 @@ import argparse
 import re
 from collections.abc import Sequence
 
-from rverror.app.terminal import MAPPING, ProgressLine, check_outputs, command, named, option, results, write_results
-from rverror.base.errors import InputError
+from rverror.app.terminal import MAPPING, ProgressLine, check_outputs, command, option, results, write_results
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import check_name
 from rverror.life.compared import compare_runs
 from rverror.life.over_life import trend
@@ -93,5 +93,5 @@ def _limit(text: str | None) -> Limit | None:
     name = match[1].lower().replace(" ", "_").replace("-", "_") if match else ""
     if match is None or name not in QUANTITIES:
         raise InputError(f"--limit: {text!r}; write 'lost motion 90 arcsec' or 'transmission error 60 arcsec'")
-    with named("--limit"):
+    with refusing("--limit: "):
         return limit(name, match[2])

@@ -10,7 +10,6 @@ from rverror.app.terminal import (
     ProgressLine,
     command,
     flag,
-    named,
     number,
     option,
     results,
@@ -20,7 +19,7 @@ from rverror.app.terminal import (
     write_results,
 )
 from rverror.app.tolerance_commands import limit_options, limits_of
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.matching.matched import WAYS, match
 from rverror.model.model_file import load_model
 from rverror.parts.reading import load_parts
@@ -60,7 +59,7 @@ def _match(options: argparse.Namespace) -> None:
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")
     costs = _costs(options.cost)
     model = load_model(options.model)
-    with named():
+    with refusing(""):
         limits = [one for one in limits_of(options, model) if one.value is not None]
         read = load_parts(options.parts, model.mechanism, mapping=options.mapping)
     tell(*read.notes)

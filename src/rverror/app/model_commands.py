@@ -24,7 +24,6 @@ from rverror.app.terminal import (
 )
 from rverror.base import units
 from rverror.base.errors import InputError
-from rverror.base.text import shown
 from rverror.geartrain.mechanism import reducer
 from rverror.geartrain.source import Source
 from rverror.geartrain.torque_over_turn import GravityArm
@@ -76,7 +75,7 @@ def _simulate(options: argparse.Namespace) -> None:
         torques.append(arm(options.arm))
     torques = torques or [None]
     directions = WAYS[options.direction]
-    orders = None if options.orders is None else _orders(options.orders)
+    orders = None if options.orders is None else checked_orders(options.orders.split(",")).tolist()
     labels = [run_label(direction, torque) for torque in torques for direction in directions]
     paths = [options.output] if orders else _run_paths(options, labels)
     bench = {name: getattr(options, name) for name in _BENCH}
@@ -95,18 +94,6 @@ def _simulate(options: argparse.Namespace) -> None:
         write_text_output(path, text)
     if len(paths) > 1:
         print(*paths, sep="\n")  # for diagnose, or whatever reads the runs
-
-
-def _orders(text: str) -> list[float]:
-    """Orders of the option --orders, checked before any work."""
-    found: list[float] = []
-    for cell in text.split(","):
-        try:
-            found.append(float(cell))
-        except ValueError as problem:
-            raise InputError(f"--orders: {shown(cell)} is no number; write it like '1,39,40'") from problem
-    checked_orders(found)
-    return found
 
 
 def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rverror.app.terminal import command, flag, number, option, output, say_replaced, tell, write_output
+from rverror.app.terminal import command, flag, number, option, output, say_replaced, tell, write_text_output
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of, with_unit
@@ -40,12 +40,7 @@ def _parts(options: argparse.Namespace) -> None:
     """
     target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:
-        text = draft_parts_mapping(options.files[0])
-        if target:
-            write_output(target, text)
-        else:
-            print(text, end="")
-        return
+        return write_text_output(options.output, draft_parts_mapping(options.files[0]))
     if suffix not in (".csv", ".toml") or (options.place and suffix == ".csv"):
         raise InputError(
             f"-o {target}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"

@@ -8,7 +8,6 @@ from pathlib import Path
 from rverror.app.terminal import MAPPING, command, flag, option, output, tell, write_text_output
 from rverror.base.errors import InputError
 from rverror.runs.bench.draft import drafted
-from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import load_run, run_text
 from rverror.runs.order_file import orders_text, refuse_order_file
 from rverror.runs.order_table import OrderTable
@@ -34,16 +33,13 @@ def _read(options: argparse.Namespace) -> None:
         if options.mapping:
             raise InputError("--draft begins a mapping; leave out --draft or --mapping")
         text, remarks = drafted(options.file)
-        for remark in remarks:
-            tell(f"{options.file}: {remark}")
-        write_text_output(options.output, text)
-        return
-    read = load_run(options.file, mapping=given_mapping(options.mapping))
+        tell(*(f"{options.file}: {remark}" for remark in remarks))
+        return write_text_output(options.output, text)
+    read = load_run(options.file, mapping=options.mapping)
     names = [Path(path).name for path in options.inputs]
     # In brackets, so that no note can be read back as a line of the header.
     comments = [f"(read from {' by '.join(names)})", *(f"({note})" for note in read.notes)]
     text_of = orders_text if isinstance(read, OrderTable) else run_text
     text = text_of(read, comments=comments, path=options.output or options.file)  # type: ignore[arg-type]
-    for note in read.notes:
-        tell(f"{options.file}: {note}")
+    tell(*(f"{options.file}: {note}" for note in read.notes))
     write_text_output(options.output, text)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from rverror.app.terminal import (
     MAPPING,
-    check_output,
     check_outputs,
     choice,
     command,
@@ -22,11 +21,9 @@ from rverror.app.terminal import (
 )
 from rverror.base.errors import InputError
 from rverror.base.numbers import with_unit
-from rverror.model.ends import Encoders
 from rverror.model.model_file import load_model
 from rverror.reference.cases import METHODS, case_files, pick, read_case, solve
 from rverror.reference.comparison import compare
-from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import read_run
 
 _FILES = ("case.npz", "case.json")
@@ -48,8 +45,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
     folders = [Path(options.output) / case.name for case in cases]
     for folder in folders:
         make_folder(folder, "choose another with --output")
-        for name in _FILES:
-            check_output(str(folder / name), [])
+        check_outputs([str(folder / name) for name in _FILES], [])
     for case, folder in zip(cases, folders, strict=True):
         for name, content in case_files(solve(case)).items():
             write_output(folder / name, content)
@@ -81,18 +77,15 @@ def _compare(options: argparse.Namespace) -> None:
     options.inputs[1:1] = [str(case_file), str(case_file.with_name("case.npz"))]
     check_outputs(options.outputs, options.inputs)
     case = read_case(options.case)
-    encoders = _encoders(options.bench) if options.bench else None
-    run = read_run(options.theirs, case.ratio, given_mapping(options.mapping))
+    encoders = load_model(options.bench).encoders if options.bench else None
+    if encoders is not None and not encoders.given():
+        raise InputError(
+            f'{options.bench}: it has no [bench.encoders]; write them, like output_encoder = "1.24 arcsec"'
+        )
+    run = read_run(options.theirs, case.ratio, options.mapping)
     found = compare(run, case, method=options.method, encoders=encoders)
     write_results(found, options)
     if options.within is not None and found.rms > options.within:
         sys.stdout.flush()
         tell(f"rms of the difference {with_unit(found.rms, 'angle')} is above {options.as_written['within']}")
         raise SystemExit(1)
-
-
-def _encoders(path: str) -> Encoders:
-    stated = load_model(path).encoders
-    if not stated.given():
-        raise InputError(f'{path}: it has no [bench.encoders]; write them, like output_encoder = "1.24 arcsec"')
-    return stated

@@ -9,16 +9,15 @@ import os
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rverror.base import units
 from rverror.base.errors import InputError, refusing
 from rverror.base.spreadsheet import openpyxl_for
-from rverror.base.text import check_name, shown, write_bytes, write_text
+from rverror.base.text import check_name, shown, write_file
 from rverror.geartrain.torque_over_turn import GravityArm
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -27,6 +26,8 @@ from rverror.runs.bench.mapping import given_mapping
 from rverror.runs.measurement import Run, load_run
 from rverror.runs.order_table import OrderTable
 from rverror.statics.duty import DutyPhase
+
+T = TypeVar("T")
 
 _ARM = "20 kg, 0.5 m, 30 deg"
 _PHASE = "412 N*m, 1815 rpm, 3 h"
@@ -85,23 +86,15 @@ class Option:
     writes: bool = False
 
 
-def option(
-    metavar: str | tuple[str, ...] | None = None,
-    help: str | None = None,
-    *,
-    size: str = "",
-    least: float | None = None,
-    reads: bool = False,
-    writes: bool = False,
-    **more: Any,
-) -> Option:
+def option(metavar: str | tuple[str, ...] | None = None, help: str | None = None, **more: Any) -> Option:
     """One entry of the table of options that `add_command` takes; what `Option` does not know is for argparse."""
-    return Option({"metavar": metavar, "help": help, **more}, size, least, reads, writes)
+    own = {name: more.pop(name) for name in ("size", "least", "reads", "writes") if name in more}
+    return Option({"metavar": metavar, "help": help, **more}, **own)
 
 
-def number(help: str, *, least: int | None = None, **more: Any) -> Option:
-    """Option that is a whole number; `least` where no function refuses a smaller one."""
-    return option("N", help, type=int, least=least, **more)
+def number(help: str, **more: Any) -> Option:
+    """Option that is a whole number, with a `least` where no function refuses a smaller one."""
+    return option("N", help, type=int, **more)
 
 
 def flag(help: str) -> Option:
@@ -242,8 +235,19 @@ def check_outputs(outputs: Sequence[str], inputs: Sequence[str]) -> None:
     """Refuse, before any work, files that no message can name and outputs that cannot be written."""
     for path in inputs:
         check_name(path)
+    read = {os.path.realpath(path) for path in inputs}
     for path in outputs:
-        check_output(path, inputs)
+        folder = os.path.dirname(os.path.abspath(path))
+        if os.path.realpath(path) in read:
+            raise InputError(f"{path}: this output is also an input; choose another name")
+        if not os.path.isdir(folder):
+            raise InputError(f"{path}: there is no folder {folder}; make it first")
+        if os.path.isdir(path):
+            raise InputError(f"{path}: this is a folder; give a file")
+        if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
+            raise InputError(f"{path}: this is a device or pipe, no file; give a file")
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"{path}: no permission to write in {folder}; choose another place")
     if (twice := given_twice(outputs)) is not None:
         raise InputError(f"{twice}: two outputs are this file, by name or by a link; give each its own")
 
@@ -257,12 +261,12 @@ def read_runs(options: argparse.Namespace, model: Model) -> tuple[list[Run | Ord
     return fitted, unseen
 
 
-def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None) -> None:
-    """Print a result, or several of one kind, and write it as the options of `results` ask."""
+def write_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
+    """Print a result, or several of one kind, and write it as the options of `results` ask, with `more` told of it."""
     from rverror.views.report import to_text  # half of all modules
 
-    print(to_text(found), end="")
-    save_results(found, options, draw)
+    print(to_text(found, **more), end="")
+    save_results(found, options, draw, **more)
 
 
 def save_results(found: Any, options: argparse.Namespace, draw: Callable[[], Any] | None = None, **more: Any) -> None:
@@ -293,32 +297,6 @@ def save_with(options: argparse.Namespace, effects: Iterable[Effect]) -> None:
         save_model(options.save, load_model(options.model).with_effects(*map(rounded, effects)), overwrite=True)
 
 
-@contextmanager
-def named(what: str = "") -> Iterator[None]:
-    """Turn a refused value into a line that begins with the file or option it came from."""
-    try:
-        yield
-    except InputError:
-        raise
-    except ValueError as problem:
-        raise InputError(f"{what}: {problem}" if what else str(problem)) from problem
-
-
-def check_output(path: str, inputs: Sequence[str]) -> None:
-    """Refuse, before any work, an output that is an input or has no folder."""
-    if os.path.realpath(path) in {os.path.realpath(item) for item in inputs}:
-        raise InputError(f"{path}: this output is also an input; choose another name")
-    folder = os.path.dirname(os.path.abspath(path))
-    if not os.path.isdir(folder):
-        raise InputError(f"{path}: there is no folder {folder}; make it first")
-    if os.path.isdir(path):
-        raise InputError(f"{path}: this is a folder; give a file")
-    if os.path.exists(path) and not os.path.isfile(path):  # a device would be replaced by a file
-        raise InputError(f"{path}: this is a device or pipe, no file; give a file")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: no permission to write in {folder}; choose another place")
-
-
 def make_folder(path: str | Path, remedy: str) -> Path:
     """Make a folder for outputs; the remedy is told where that fails."""
     folder = Path(path)
@@ -333,10 +311,7 @@ def make_folder(path: str | Path, remedy: str) -> Path:
 def write_output(path: str | Path, content: str | bytes) -> None:
     """Write an output, and tell where it replaces a file."""
     say_replaced(path)
-    if isinstance(content, str):
-        write_text(path, content, overwrite=True)
-    else:
-        write_bytes(path, content, overwrite=True)
+    write_file(path, content, overwrite=True)
 
 
 def write_text_output(path: str | None, text: str) -> None:
@@ -364,13 +339,13 @@ def quantity(option: str, text: str, dimension: str, *, example: str, least: flo
     return value
 
 
-def sizes(option: str, text: str, dimensions: Mapping[str, str], *, example: str) -> list[float]:
-    """Values of an option with commas between them, by the names of their parts."""
-    parts, (*first, last) = text.split(","), dimensions
-    if len(parts) != len(dimensions):
+def made_of(kind: Callable[..., T], option: str, text: str, names: Sequence[str], *, example: str) -> T:
+    """What an option says with commas between its sizes, which the kind takes by these names and checks."""
+    parts, (*first, last) = text.split(","), names
+    if len(parts) != len(names):
         raise InputError(f"{option}: {shown(text)} is not {', '.join(first)} and {last}; write it like '{example}'")
-    each = zip(parts, dimensions.values(), strict=True)
-    return [quantity(option, part, dimension, example=example) for part, dimension in each]
+    with refusing(f"{option} {text!r}: ", f"; write it like '{example}'"):
+        return kind(**dict(zip(names, parts, strict=True)))
 
 
 def arm_option(what: str, more: str = "") -> dict[str, Option]:
@@ -381,10 +356,7 @@ def arm_option(what: str, more: str = "") -> dict[str, Option]:
 
 def arm(text: str) -> GravityArm:
     """Arm of the option --arm."""
-    dimensions = {"mass": "mass", "lever arm": "length", "angle": "angle"}
-    mass, lever, offset = sizes("--arm", text, dimensions, example=_ARM)
-    with refusing(f"--arm {text!r}: ", f"; write it like '{_ARM}'"):
-        return GravityArm(mass=mass, lever=lever, offset=offset)
+    return made_of(GravityArm, "--arm", text, ("mass", "lever", "offset"), example=_ARM)
 
 
 #: Option for phases of a duty.
@@ -399,13 +371,11 @@ PHASES: Mapping[str, Option] = {
 
 def duty_phases(texts: Sequence[str]) -> list[DutyPhase]:
     """Phases of a duty, each torque, speed and hours."""
-    phases = []
-    for text in texts:
-        dimensions = {"torque": "torque", "speed": "angular_speed", "time": "time"}
-        torque, speed, time_ = sizes("--phase", text, dimensions, example=_PHASE)
-        with refusing(f"--phase {text!r}: ", f"; write it like '{_PHASE}'"):
-            phases.append(DutyPhase(torque=torque, speed=speed, hours=time_ / 3600))
-    return phases
+
+    def phase(torque: Any, speed: Any, time: str) -> DutyPhase:
+        return DutyPhase(torque=torque, speed=speed, hours=units.parse(time, "time") / 3600)
+
+    return [made_of(phase, "--phase", text, ("torque", "speed", "time"), example=_PHASE) for text in texts]
 
 
 def rounded(effect: Effect) -> Effect:

@@ -19,10 +19,10 @@ from rverror.app.terminal import (
     quantity,
     results,
     save,
-    save_results,
     say_replaced,
+    write_results,
 )
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.units import InCore
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.torque_over_turn import TorqueLaw
@@ -38,10 +38,9 @@ from rverror.tolerances.sampling import COUNT
 from rverror.tolerances.specification import BENCH_TORQUE, LEVEL, QUANTITIES, Limit
 from rverror.tolerances.stacking import stack
 from rverror.tolerances.tolerance_file import load_tolerances, save_widths
-from rverror.views.report import to_text
 
-_LIMITED = ("--lost-motion", "--backlash", "--stiffness")  # what only the load tells
-_AT_LOAD = (*_LIMITED, "--arm")
+_LIMITED = ("lost_motion", "backlash", "stiffness")  # what only the load tells
+_AT_LOAD = (*_LIMITED, "arm")
 _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one asked for
 
 
@@ -49,22 +48,21 @@ def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}"
     return {
-        "--limit": option('"60 arcsec"', "limit of the transmission error, peak-to-peak", size="angle", least=0),
-        "--lost-motion": option(
-            '"60 arcsec"', "limit of the lost motion at 3 %% of the rated torque", size="angle", least=0
-        ),
-        "--backlash": option('"60 arcsec"', "limit of the backlash, the play without load", size="angle", least=0),
+        "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission error, peak-to-peak"),
+        "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
+        "--backlash": _limit("backlash", "60 arcsec", "limit of the backlash, the play without load"),
         "--at --torque": option('"20 N*m,412 N*m"', torques),
     }
 
 
+def _limit(quantity: str, example: str, what: str) -> Option:
+    return option(f'"{example}"', what, size=QUANTITIES[quantity], least=0)
+
+
 _LIMITS = {
     **limit_options("; with --speed the load"),
-    "--stiffness": option(
-        '"100 N*m/arcmin"',
-        "least torsional stiffness between 50 and 100 %% of the rated torque",
-        size=QUANTITIES["stiffness"],
-        least=0,
+    "--stiffness": _limit(
+        "stiffness", "100 N*m/arcmin", "least torsional stiffness between 50 and 100 %% of the rated torque"
     ),
     **arm_option("a weight as a load of the transmission error"),
     "--yield": option('"99 %"', "least share of the units within the limits (default 99 %%)"),
@@ -105,10 +103,10 @@ def _budget(options: argparse.Namespace) -> None:
     model, tolerances = _read(options)
     if options.speed is not None:
         _refuse(options, _AT_LOAD, "units at the load stand still; leave it out, or leave out --speed")
-    at_load = options.speed is None and any(_given(options, name) for name in ("--at", *_AT_LOAD))
+    at_load = options.speed is None and any(_given(options, name) for name in ("at", *_AT_LOAD))
     if not at_load:
         unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
-        _refuse(options, ("--yield", "--loaded-units"), unused)
+        _refuse(options, ("yield", "loaded_units"), unused)
     limits = limits_of(options, model) if at_load else ()
     with ProgressLine() as progress:
         found = error_budget(
@@ -123,8 +121,7 @@ def _budget(options: argparse.Namespace) -> None:
             seed=options.seed,
             progress=progress,
         )
-    print(to_text(found, limit=options.limit), end="")
-    save_results(found, options, limit=options.limit)
+    write_results(found, options, limit=options.limit)
 
 
 @command(
@@ -158,11 +155,10 @@ def _allocate(options: argparse.Namespace) -> None:
             found = _allocated_at_load(options, model, tolerances, progress)
         else:
             found, front = _allocated_in_closed_form(options, model, tolerances, progress)
-    print(to_text(found), end="")
+    write_results(found, options, (lambda: found.plot(kind="front", front=front)) if front else None)
     if options.save:
         say_replaced(options.save)
         save_widths(options.tolerances, options.save, found.widths, grades=found.grades, overwrite=True)
-    save_results(found, options, (lambda: found.plot(kind="front", front=front)) if front else None)
 
 
 def _allocated_at_load(
@@ -172,7 +168,7 @@ def _allocated_at_load(
         if not any(_given(options, name) for name in _LIMITED):
             raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
         unused = "loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
-        _refuse(options, ("--at", "--arm"), unused)
+        _refuse(options, ("at", "arm"), unused)
     return allocate_at_load(
         model,
         tolerances,
@@ -190,7 +186,7 @@ def _allocated_in_closed_form(
     unused = f"the closed form knows no load; leave it out, or leave out --kind {options.kind}"
     if not isinstance(model.mechanism, Reducer):
         unused = "a [drive] has no contacts to be loaded; leave it out"
-    _refuse(options, _AT_LOAD if options.speed is not None else ("--at", *_AT_LOAD), unused)
+    _refuse(options, _AT_LOAD if options.speed is not None else ("at", *_AT_LOAD), unused)
     if options.limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
     factors = _FRONT if options.plot else (1.0,)
@@ -213,22 +209,23 @@ def _allocated_in_closed_form(
 
 
 def _given(options: argparse.Namespace, name: str) -> bool:
-    return getattr(options, name[2:].replace("-", "_"), None) is not None
+    return getattr(options, name, None) is not None
 
 
 def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
     """Refuse options that are given and would not be used."""
     for name in names:
         if _given(options, name):
-            raise InputError(f"{name}: {why}")
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
 def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
     level = _share(getattr(options, "yield", None))
-    unit = reducer_of(model.mechanism, "a limit at the load")
+    with refusing(f"{options.model}: "):
+        unit = reducer_of(model.mechanism, "a limit at the load")
     torques: list[float | TorqueLaw] = [*_torques(options)]
-    if _given(options, "--arm"):
+    if _given(options, "arm"):
         torques.append(arm(options.arm))
     if not torques and unit.rated_torque is None:
         raise InputError("--at: at which torque? the reducer has no rated_torque; give --at '20 N*m'")
@@ -239,10 +236,7 @@ def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
         found += [
             Limit("transmission_error", options.limit, torque, level) for torque in dict.fromkeys(torques or usual)
         ]
-    for name in _LIMITED:
-        if _given(options, name):
-            quantity_of = name[2:].replace("-", "_")
-            found.append(Limit(quantity_of, getattr(options, quantity_of), None, level))
+    found += [Limit(name, getattr(options, name), None, level) for name in _LIMITED if _given(options, name)]
     return tuple(found)
 
 

@@ -13,22 +13,21 @@ from rverror.app.terminal import (
     choice,
     command,
     duty_phases,
-    named,
+    made_of,
     option,
-    quantity,
     results,
     save,
     save_with,
-    sizes,
     write_results,
 )
 from rverror.base.directions import DIRECTIONS
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean
 from rverror.model.model_file import load_model
 from rverror.statics.worn_contacts import BODIES, JOINTS, PINS, RunningIn, WearCoefficients, wear
 
 _COEFFICIENT = "1e-10 mm^3/(N*m)"
+_ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
 
 
 @command(
@@ -69,7 +68,7 @@ def _wear(options: argparse.Namespace) -> None:
     that follow. You give the wear coefficients; none are assumed.
     """
     model = load_model(options.model)
-    with named():
+    with refusing(""):
         found = wear(
             model,
             **_duty(options),
@@ -95,29 +94,25 @@ def _duty(options: argparse.Namespace) -> dict[str, Any]:
     return {"torque": options.torque, "input_speed": options.speed}
 
 
-def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[list[str], str]]:
-    """Bodies and what is said of them, first of all, then of those that are named."""
+def _by_body(option: str, given: Sequence[str], known: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Bodies and what is said of each, first of all, then of those that are named."""
     for text in sorted(given, key=lambda one: "=" in one):
         body, equals, said = text.rpartition("=")
         if equals and body.strip() not in known:
             hint = did_you_mean(body.strip(), known) or f" give one of {', '.join(known)}"
             raise InputError(f"{option} {text!r}: no body {body.strip()!r};{hint}")
-        yield ([body.strip()] if equals else list(BODIES)), said
+        yield from ((name, said) for name in ([body.strip()] if equals else BODIES))
 
 
 def _coefficients(given: Sequence[str]) -> WearCoefficients:
-    found: dict[str, float] = {}
-    for names, text in _by_body("--coefficient", given, (*BODIES, *JOINTS)):
-        joint = names[0] in JOINTS
-        dimension, example = ("contact_compliance", "1e-8 um/kN") if joint else ("wear_coefficient", _COEFFICIENT)
-        found |= dict.fromkeys(names, quantity("--coefficient", text, dimension, example=example))
-    return WearCoefficients(**found)
+    sizes: dict[str, Any] = dict(_by_body("--coefficient", given, (*BODIES, *JOINTS)))
+    with refusing("--coefficient: "):
+        return WearCoefficients(**sizes)
 
 
 def _running_in(given: Sequence[str]) -> dict[str, RunningIn]:
-    rough: dict[str, RunningIn] = {}
-    for names, text in _by_body("--running-in", given, BODIES):
-        dimensions = {"depth": "length", "coefficient": "wear_coefficient"}
-        depth, coefficient = sizes("--running-in", text, dimensions, example=f"0.5 um, {_COEFFICIENT}")
-        rough |= dict.fromkeys(names, RunningIn(depth=depth, coefficient=coefficient))
-    return rough
+    option, parts = "--running-in", ("depth", "coefficient")
+    return {
+        body: made_of(RunningIn, option, text, parts, example=_ROUGHNESS)
+        for body, text in _by_body(option, given, BODIES)
+    }

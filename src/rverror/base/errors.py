@@ -45,6 +45,29 @@ def refusing(before: str, after: str = "") -> Iterator[None]:
         raise InputError(f"{before}{problem}{after}") from problem
 
 
+@contextmanager
+def needing(what: str, extra: str, otherwise: str = "") -> Iterator[None]:
+    """Refuse what needs a library that cannot be imported inside.
+
+    Parameters
+    ----------
+    what : str
+        Needs which library, for the message.
+    extra : str
+        Of rverror, with which that is installed.
+    otherwise : str
+        What may be done instead.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(f"{what}; install it with: pip install 'rverror[{extra}]'{otherwise}") from error
+
+
 def warn_former(former: str, now: str) -> None:
     """Warn the caller of a function of a former name or form of a call, which still works.
 

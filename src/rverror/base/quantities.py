@@ -99,12 +99,10 @@ class Checked:
 
     def given(self) -> dict[str, float]:
         """Values of its quantities that are not those of one of which nothing is said."""
-        found = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if "quantity" in item.metadata and value is not None and value != item.default:
-                found[item.name] = value
-        return found
+        held = {
+            item.name: (getattr(self, item.name), item.default) for item in fields(self) if "quantity" in item.metadata
+        }
+        return {name: value for name, (value, default) in held.items() if value is not None and value != default}
 
 
 def above_zero(name: str, value: Any, dimension: str) -> float:

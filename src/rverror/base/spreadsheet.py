@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, needing
 from rverror.base.text import PathLike, read_text, split_lines
 
 
@@ -71,12 +71,8 @@ def openpyxl_for(path: PathLike, otherwise: str) -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        import openpyxl  # extra 'io'
-    except ImportError as error:
-        raise InputError(
-            f"{path}: spreadsheets need openpyxl; install it by pip install 'rverror[io]', or {otherwise}"
-        ) from error
+    with needing(f"{path}: spreadsheets need openpyxl", "io", f", or {otherwise}"):
+        import openpyxl
     return openpyxl
 
 

@@ -47,18 +47,44 @@ def read_text(path: PathLike) -> str:
     InputError
         If the file cannot be read or is no UTF-8 text.
     """
-    raw = read_bytes(path)
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8")
-    if b"\0" in raw:
-        raise InputError(f"{path}: this is no text file (it holds zero bytes); give a text file in UTF-8")
+    return decoded(path, read_bytes(path))
+
+
+def decoded(
+    path: PathLike, raw: bytes, encoding: str = "", *, otherwise: str = "", wanted: str = "a text file in UTF-8"
+) -> str:
+    """Text of a file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        For messages.
+    raw : bytes
+    encoding : str
+        Empty where nothing is stated: then UTF-8 it must be.
+    otherwise : str
+        What may be done in place of saving it as UTF-8, for the message; {} stands for an encoding.
+    wanted : str
+        What may be given in place of a file of bytes.
+
+    Raises
+    ------
+    InputError
+        If it is no text, or of another encoding.
+    """
+    if not encoding and raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{path}: the text is UTF-16; save it as UTF-8{otherwise.format('utf-16')}")
+    if not encoding and b"\0" in raw:
+        raise InputError(f"{path}: this is no text file (it holds zero bytes); give {wanted}")
     try:
-        return raw.decode("utf-8-sig")
+        return raw.decode(encoding or "utf-8").removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8 text; save the file as UTF-8"
-        ) from error
+        what = f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no {encoding or 'UTF-8'} text"
+        remedy = (
+            f"correct encoding = {encoding!r}" if encoding else f"save the file as UTF-8{otherwise.format('cp1252')}"
+        )
+        raise InputError(f"{what}; {remedy}") from error
 
 
 def split_lines(text: str) -> list[str]:
@@ -66,11 +92,15 @@ def split_lines(text: str) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def write_text(path: PathLike, text: str, *, overwrite: bool) -> None:
-    """Write a UTF-8 file in one step, as `write_bytes` does.
+def write_file(path: PathLike, content: str | bytes, *, overwrite: bool) -> None:
+    """Write a file in one step: readers see the old file or the new one, never half of it.
 
     Parameters
     ----------
+    path : str or path-like
+        A symbolic link is followed.
+    content : str or bytes
+        A text is written as UTF-8.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -79,31 +109,10 @@ def write_text(path: PathLike, text: str, *, overwrite: bool) -> None:
     InputError
         If the file exists and must not be replaced, the folder cannot be written to, or the text is no Unicode.
     """
-    try:
-        content = text.encode("utf-8")
-    except UnicodeEncodeError as error:
-        raise InputError(f"{path}: {_reason(error, 'write')}") from error
-    write_bytes(path, content, overwrite=overwrite)
-
-
-def write_bytes(path: PathLike, content: bytes, *, overwrite: bool) -> None:
-    """Write a file in one step: readers see the old file or the new one, never half of it.
-
-    Parameters
-    ----------
-    path : str or path-like
-        A symbolic link is followed.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InputError
-        If the file exists and must not be replaced, or the folder cannot be written to.
-    """
     if not overwrite and os.path.lexists(path):
         raise InputError(f"{path}: the file exists; choose another name or allow overwriting")
     try:
+        raw = content.encode("utf-8") if isinstance(content, str) else content
         target = Path(path).resolve()
         if target.is_dir():
             raise IsADirectoryError
@@ -111,7 +120,7 @@ def write_bytes(path: PathLike, content: bytes, *, overwrite: bool) -> None:
         temporary = target.with_name(f".{target.name[:100]}.{uuid.uuid4().hex}.tmp")
         try:
             with temporary.open("xb") as file:
-                file.write(content)
+                file.write(raw)
                 file.flush()
                 os.fsync(file.fileno())
             if target.exists():
@@ -217,27 +226,32 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f" did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
-def some(numbers: Iterable[int], limit: int = 5) -> str:
-    """List a few numbers: ``17, 40, 99, ...``."""
-    listed = list(numbers)
+def some(values: Iterable[object], limit: int = 5) -> str:
+    """List a few numbers or names.
+
+    Examples
+    --------
+    >>> some(["A", "B"]), some("ABCDEF")
+    ('A, B', 'A, B, C, D, E, ...')
+    """
+    listed = list(values)
     return ", ".join(map(str, listed[:limit])) + (", ..." if len(listed) > limit else "")
 
 
+#: Why a file cannot be read or written, with the remedy, by what is raised.
+_REASONS: Mapping[type[Exception], str] = {
+    IsADirectoryError: "this is a folder; give a file",
+    NotADirectoryError: "a part of the path is a file, not a folder; check the path",
+    PermissionError: "no permission to {verb} it; change the permissions or choose another place",
+    UnicodeEncodeError: "a text holds a character that is no UTF-8; remove it",
+}
+
+
 def _reason(error: Exception, verb: str) -> str:
-    match error:
-        case FileNotFoundError() if verb == "read":
-            return "there is no such file; check the path"
-        case FileNotFoundError():
-            return "there is no such folder; make it first"
-        case IsADirectoryError():
-            return "this is a folder; give a file"
-        case NotADirectoryError():
-            return "a part of the path is a file, not a folder; check the path"
-        case PermissionError():
-            return f"no permission to {verb} it; change the permissions or choose another place"
-        case UnicodeEncodeError():
-            return "a text holds a character that is no UTF-8; remove it"
-        case OSError():
-            return f"cannot {verb} it ({error.strerror or 'input/output error'}); check the disk and the path"
-        case _:
-            return f"cannot {verb} it ({error}); check the path"
+    if isinstance(error, FileNotFoundError):
+        return f"there is no such {'file; check the path' if verb == 'read' else 'folder; make it first'}"
+    if type(error) in _REASONS:
+        return _REASONS[type(error)].format(verb=verb)
+    if isinstance(error, OSError):
+        return f"cannot {verb} it ({error.strerror or 'input/output error'}); check the disk and the path"
+    return f"cannot {verb} it ({error}); check the path"

@@ -81,11 +81,6 @@ def at_most(count: int) -> Iterator[None]:
         _AT_MOST.reset(token)
 
 
-def one_thread() -> None:
-    """Let this process solve on one thread: what a worker begins with beside which others work."""
-    os.environ[KERNEL_THREADS] = "1"
-
-
 def each(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """Results of a function for every item, in their order, on several threads where there are.
 

@@ -163,12 +163,9 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
     factors = EVERYDAY[dimension][1]
     if unit in factors:
         return factors[unit], _ZERO.get(unit, 0.0)
-    zero, one = (_by_pint(number, unit, dimension) for number in (0.0, 1.0))
+    parsed, core = _checked_unit(unit, dimension), CORE_UNITS[dimension]
+    zero, one = (float(_registry().Quantity(number, parsed).to(core).magnitude) for number in (0.0, 1.0))
     return one - zero, zero
-
-
-def _by_pint(number: float, unit: str, dimension: str) -> float:
-    return float(_registry().Quantity(number, _checked_unit(unit, dimension)).to(CORE_UNITS[dimension]).magnitude)
 
 
 def parse(text: str, dimension: str) -> float:

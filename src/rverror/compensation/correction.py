@@ -142,13 +142,10 @@ class Correction:
         ndarray, shape (n,)
             rad.
         """
-        added = self.at(theta, condition)
+        added, (low, high) = self.at(theta, condition), self.reach or (-math.inf, math.inf)
         for _ in range(_SETTLES):
-            added = self.at(self._bounded(theta + added), condition)
+            added = self.at(np.clip(theta + added, low, high), condition)
         return added
-
-    def _bounded(self, theta: Array) -> Array:
-        return theta if self.reach is None else np.clip(theta, *self.reach)
 
     def _angles(self, points: int = 0) -> Array:
         """Even angles over a turn, or what it reaches over: some to each wave, and between so many points a turn."""

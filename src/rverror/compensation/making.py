@@ -73,11 +73,6 @@ class PredictedWaves:
             notes.append(f"{effect.key} stays and is not counted: {why}")
         self._waves: dict[tuple[float, float | None], tuple[Array, Waves]] = {}
 
-    @property
-    def passive(self) -> tuple[Effect, ...]:
-        """Effects that are no part of the correction: an earlier table, and what no table takes."""
-        return (*self.old, *self.slow)
-
     def waves(self, condition: TableCondition) -> tuple[Array, Waves]:
         """Orders and waves of the output error, rad."""
         key = (condition.direction, condition.torque)
@@ -183,7 +178,7 @@ def compensate(
     predicted = PredictedWaves(model, notes, marked=index != "unknown")
     data = _gathered(predicted, runs, notes)
     if predicted.corrected and not _helps(data):
-        predicted = PredictedWaves(replace(model, effects=predicted.passive), notes, marked=False)
+        predicted = PredictedWaves(replace(model, effects=(*predicted.old, *predicted.slow)), notes, marked=False)
         data = _gathered(predicted, runs, notes)
         notes.append("the model's effects raise the error of these runs and were left out; diagnose first")
     made = _made(predicted, data, _wanted(model, data, unseen, loads), notes)
@@ -265,9 +260,7 @@ def _one_zero(runs: Sequence[Run | OrderTable]) -> str:
 def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableCondition], notes: list[str]) -> Compensation:
     of_runs = _with_the_others([repeating_orders(record) for record in data.records])
     _check_left_out(data)
-    of_records = [
-        OrderCase(condition=one.record.condition, orders=one.orders, waves=one.waves) for one in merged(of_runs)
-    ]
+    of_records = merged(of_runs)
     rows = of_records + [case for _, case in data.tables]
     cases, sides = list[OrderCase](), list[_Side]()
     for sense in (1.0, -1.0):

@@ -20,7 +20,7 @@ from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.effects import Model
 from rverror.runs.faults import find_faults
 from rverror.runs.measurement import Run
-from rverror.runs.order_table import TableCondition, Waves
+from rverror.runs.order_table import OrderCase, TableCondition, Waves
 
 _TURN = 2 * math.pi
 #: White noise that every reading has, and an amplitude below which no table needs an order: what is calculated has no
@@ -410,15 +410,15 @@ def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
     return RepeatingOrders(record, orders, found[: orders.size] - 1j * found[orders.size :], gains, before, after, left)
 
 
-def merged(records: Sequence[RepeatingOrders]) -> list[RepeatingOrders]:
-    """One result for each condition: of several runs under one condition the mean wave of each order."""
+def merged(records: Sequence[RepeatingOrders]) -> list[OrderCase]:
+    """One case for each condition: of several runs under one condition the mean wave of each order."""
     by: dict[TableCondition, list[RepeatingOrders]] = {}
     for one in records:
         by.setdefault(one.record.condition, []).append(one)
     found = []
-    for group in by.values():
+    for condition, group in by.items():
         orders = np.unique(np.concatenate([one.orders for one in group]))
         weight = np.array([float(one.record.theta.size) for one in group])
         rows = np.array([waves_at(orders, one.orders, one.waves) for one in group])
-        found.append(replace(group[0], orders=orders, waves=(weight @ rows) / weight.sum()))
+        found.append(OrderCase(condition=condition, orders=orders, waves=(weight @ rows) / weight.sum()))
     return found

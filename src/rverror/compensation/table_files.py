@@ -15,7 +15,7 @@ from rverror.base.arrays import Array
 from rverror.base.directions import DIRECTIONS
 from rverror.base.errors import InputError
 from rverror.base.numbers import brief, way
-from rverror.base.text import PathLike, read_text, shown, split_lines, write_text
+from rverror.base.text import PathLike, read_text, shown, split_lines, write_file
 from rverror.base.units import ARCSEC
 from rverror.compensation.correction import FEWEST, Correction
 from rverror.compensation.outcome import Compensation
@@ -164,7 +164,7 @@ def save_compensation(
     else:
         table = by_points(correction, at, points)
         text = _csv(table, made, at) if format == "csv" else _linuxcnc(table)
-    write_text(path, text, overwrite=overwrite)
+    write_file(path, text, overwrite=overwrite)
     left_out = np.setdiff1d(made.correction.orders, correction.orders)
     lost = max(made.correction.of_orders(left_out).rms(condition) for condition in both)
     worse = max(both, key=correction.rms)

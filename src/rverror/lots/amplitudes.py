@@ -19,6 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of, way
+from rverror.base.text import some
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -273,17 +274,6 @@ def _check_serials(units: Sequence[UnitAmplitudes]) -> None:
     twice = [serial for serial, count in Counter(unit.serial for unit in units).items() if count > 1]
     if twice:
         raise InputError(f"serial {twice[0]!r} stands for {count_of(2, 'unit')}; give each unit a serial of its own")
-
-
-def some(serials: Sequence[str]) -> str:
-    """Serials for a note, the first five of them.
-
-    Examples
-    --------
-    >>> some(["A", "B"]), some("ABCDEF")
-    ('A, B', 'A, B, C, D, E, ...')
-    """
-    return ", ".join(serials[:5]) + (", ..." if len(serials) > 5 else "")
 
 
 def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplitudes:

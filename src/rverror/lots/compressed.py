@@ -24,9 +24,9 @@ import numpy as np
 
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, check_name
+from rverror.base.text import PathLike, check_name, some
 from rverror.base.version import __version__
-from rverror.lots.amplitudes import Amplitudes, Condition, UnitAmplitudes, joined_units, some, split_unit
+from rverror.lots.amplitudes import Amplitudes, Condition, UnitAmplitudes, joined_units, split_unit
 from rverror.lots.folder import LotPart, UnitFiles, list_units
 from rverror.model.effects import Model, check_model
 from rverror.runs.bench.mapping import BenchMapping, given_mapping

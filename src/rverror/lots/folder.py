@@ -11,10 +11,10 @@ from pathlib import Path
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.spreadsheet import table_rows
-from rverror.base.text import PathLike, check_name, check_path, did_you_mean, shown
-from rverror.lots.amplitudes import LotUnit, some
+from rverror.base.text import PathLike, check_name, check_path, did_you_mean, shown, some
+from rverror.lots.amplitudes import LotUnit
 from rverror.model.effects import Model, check_model
-from rverror.runs.bench.file import RUN_SUFFIXES
+from rverror.runs.bench.file import RUN_SUFFIXES, folders_of_runs
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.measurement import read_run
 
@@ -146,16 +146,7 @@ def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotPart
 
 def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """Runs of each subfolder that has any."""
-    found = {}
-    try:
-        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
-        for path in folders:
-            files = sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
-            if runs := tuple(str(p) for p in files if p.name.lower().endswith(suffixes)):
-                found[path.name] = runs
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+    found = {folder.name: runs for folder, runs in folders_of_runs(root, suffixes).items() if runs}
     if not found:
         endings = ", ".join([suffixes] if isinstance(suffixes, str) else suffixes)
         raise InputError(

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
-from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_text
+from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_file
 from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
 from rverror.geartrain.mechanism import (
     BearingPreload,
@@ -110,7 +110,7 @@ def save_model(path: PathLike, model: Model, *, overwrite: bool = False) -> None
     sections += [_effect_text(item) for item in model.effects]
     text = "\n\n".join(sections) + "\n"
     _check_equal(str(path), _model(str(path), text), model)
-    write_text(path, text, overwrite=overwrite)
+    write_file(path, text, overwrite=overwrite)
 
 
 def _check_equal(path: str, got: Model, wanted: Model) -> None:

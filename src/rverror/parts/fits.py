@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from rverror.base.arrays import Array
+from rverror.base.chance import chi_square
 from rverror.geartrain.cycloid import first_root, loaded_share, profile
 from rverror.geartrain.mechanism import Reducer
 
@@ -122,7 +122,7 @@ def reading_sigma(left: float, free: int, stated: float) -> float:
     >>> reading_sigma(9.0, 10, 1.0), reading_sigma(40.0, 10, 1.0), reading_sigma(40.0, 10, np.nan)
     (1.0, 2.0, 2.0)
     """
-    if stated > 0 and not (free > 0 and left > stated**2 * scipy.stats.chi2.isf(_CHANCE, free)):
+    if stated > 0 and not (free > 0 and left > stated**2 * chi_square(_CHANCE, free)):
         return stated
     return float(np.sqrt(left / free)) if free > 0 else np.nan
 

@@ -10,7 +10,7 @@ from itertools import groupby
 from typing import Any
 
 from rverror.base.errors import InputError, refusing
-from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.text import PathLike, describe, did_you_mean, read_text, shown, split_lines, write_file
 from rverror.base.units import CORE_UNITS
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
@@ -78,8 +78,11 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
             raise InputError(f"{one.where}: {one.kind} {shown(one.serial)} has {name} already, from "
                              f"{before.where}; keep one, or correct the serial number")  # fmt: skip
         if (one.kind, name) not in checked:
-            _check(one, one.error, mechanism)
             checked |= {(one.kind, name)}
+            entry = source(one.error.key)
+            with refusing(f"{one.where}: ", "; correct it"):
+                MeasuredPart(one.kind, one.serial, (one.error,))
+                entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(one.error.indices))
     return tuple(
         MeasuredPart(
             *part,
@@ -90,14 +93,6 @@ def collected(findings: Iterable[Finding], mechanism: Mechanism) -> tuple[Measur
         )
         for part, own in parts.items()
     )
-
-
-def _check(one: Finding, error: Effect, mechanism: Mechanism) -> None:
-    """Refuse what is no error of such a part of the mechanism."""
-    entry = source(error.key)
-    with refusing(f"{one.where}: ", "; correct it"):
-        MeasuredPart(one.kind, one.serial, (error,))
-        entry.check_indices(mechanism, {index.name: 0 for index in entry.indices} | dict(error.indices))
 
 
 def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool = False) -> None:
@@ -141,7 +136,7 @@ def save_parts(path: PathLike, parts: Iterable[MeasuredPart], *, overwrite: bool
                 table.writerow([*head, error.key, *indices, *own, *last])
         if not part.errors:
             table.writerow([*head, *[""] * (len(COLUMNS) - len(head)), *last])
-    write_text(path, written.getvalue(), overwrite=overwrite)
+    write_file(path, written.getvalue(), overwrite=overwrite)
 
 
 def is_parts_table(text: str) -> bool:

@@ -26,7 +26,7 @@ from rverror.parts.measured import MeasuredPart
 from rverror.parts.parts_table import Finding, collected, is_parts_table, read_parts_table
 from rverror.runs.bench.columns import BenchFile, as_samples
 from rverror.runs.bench.file import found_entry, left_out_columns
-from rverror.runs.bench.mapping import BenchMapping, TextRules, Where
+from rverror.runs.bench.mapping import TextRules, Where
 from rverror.runs.bench.text import number_in, open_lines, open_text
 from rverror.runs.bench.values import core_scale
 
@@ -159,8 +159,7 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     places += [where for where in (serial, rules.count) if where]
     file, nominal = _opened(path, rules.text, [where.column or where.name for where in places])
     notes += file.notes
-    bench = BenchMapping(path=rules.path, text=rules.text)
-    entries = [found_entry(file, bench, where) for where in places]
+    entries = [found_entry(file, where) for where in places]
     labels = file.labels
     assert labels is not None  # of a text
 
@@ -170,15 +169,15 @@ def _findings(path: PathLike, rules: PartsMapping, reducer: Reducer, notes: list
     notes += left_out_columns(file, entries)
     counts = np.ones(len(labels))
     if rules.count:
-        counts = as_samples(file.path, "count", file.read([found_entry(file, bench, rules.count)])[0])
+        counts = as_samples(file.path, "count", file.read([found_entry(file, rules.count)])[0])
     odd = ~(counts >= 1) | (counts != np.rint(counts))
     if odd.any():
         raise InputError(f"{at(int(odd.argmax()))}: count of rollers: must be a whole number, 1 or more; correct it")
     for group in rules.groups:
-        columns = {key: _sizes(file, bench, key, column, nominal, notes) for key, column in group.columns.items()}
+        columns = {key: _sizes(file, key, column, nominal, notes) for key, column in group.columns.items()}
         given = np.isfinite(list(columns.values())).all(axis=0)
         serials = (
-            [word.strip() for word in file.words(found_entry(file, bench, serial))]
+            [word.strip() for word in file.words(found_entry(file, serial))]
             if serial
             else [Path(path).stem] * given.size
         )
@@ -221,11 +220,9 @@ def _of_feature(
     notes += [_summary(what, sizes) for what, sizes in left.items()]
 
 
-def _sizes(
-    file: BenchFile, bench: BenchMapping, key: str, column: PartColumn, nominal: Mapping[str, str], notes: list[str]
-) -> Array:
+def _sizes(file: BenchFile, key: str, column: PartColumn, nominal: Mapping[str, str], notes: list[str]) -> Array:
     """A column in core units, NaN where a cell holds no number."""
-    entry = found_entry(file, bench, column.rule.where)
+    entry = found_entry(file, column.rule.where)
     samples = as_samples(file.path, f"{key} ({shown(entry.name, 60)})", file.read([entry])[0])
     if not column.dimension:
         return samples

@@ -278,7 +278,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
     assert isinstance(unit, Reducer)
     arrays = case.arrays
     closed = _given(arrays, "closed")
-    gap = None if closed is None else rms_of(about_mean(arrays["transmission_error_equilibrium"] - closed))
+    gap = None if closed is None else float(np.std(arrays["transmission_error_equilibrium"] - closed))
     return {
         "format": FORMAT,
         "name": what.name,
@@ -342,7 +342,7 @@ def _waveform_json(error: Array | None) -> dict[str, Any]:
     least = max(LEAST, _SHARE * float(np.abs(waves).max()))
     return {
         "offset_arcsec": in_arcsec(float(error.mean()), DIGITS),
-        "rms_arcsec": in_arcsec(rms_of(about_mean(error)), DIGITS),
+        "rms_arcsec": in_arcsec(float(np.std(error)), DIGITS),
         "peak_to_peak_arcsec": in_arcsec(float(np.ptp(error)), DIGITS),
         "orders": [{"order": int(i) + 1, **wave_json(waves[i])} for i in leading if abs(waves[i]) >= least],
     }
@@ -355,16 +355,6 @@ def _given(arrays: Mapping[str, npt.NDArray[Any]], method: str) -> Array | None:
 
 
 # --- waves of a turn, as case.json and a comparison tell them ---------------------------------------------------------
-
-
-def about_mean(values: Array) -> Array:
-    """Values without their mean."""
-    return np.asarray(values - values.mean(), dtype=np.float64)
-
-
-def rms_of(values: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def waves_of(values: Array) -> npt.NDArray[np.complex128]:

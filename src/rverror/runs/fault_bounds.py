@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,21 +93,6 @@ class LevelStep:
     last: int
     size: float
     spread: float
-
-
-@dataclass(frozen=True)
-class FoundFaults:
-    """What a search has found in one series.
-
-    Attributes
-    ----------
-    outliers : mapping of int to float
-        How far each sample that is off by itself is off.
-    steps : tuple of LevelStep
-    """
-
-    outliers: Mapping[int, float]
-    steps: tuple[LevelStep, ...]
 
 
 def scatter(values: Array) -> Array:

@@ -17,7 +17,7 @@ from rverror.base.numbers import brief, count_of
 from rverror.base.text import some
 from rverror.base.units import ARCSEC
 from rverror.runs.checks import reversals
-from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, FoundFaults, LevelStep, blockwise
+from rverror.runs.fault_bounds import BOUNDS, WIDEST_SLIP, LevelStep, blockwise
 from rverror.runs.faults_as_read import NEAR, certain_faults, far_off
 from rverror.runs.faults_in_noise import faults_in_noise
 
@@ -321,23 +321,22 @@ def _as_read(found: Faults, error: Array, stretch: slice) -> Faults:
     cuts = [gap.index for gap in found.gaps if gap.samples == 0 or gap.samples > WIDEST_SLIP]
     pieces = np.split(places, np.searchsorted(places, cuts))
     for piece in pieces:
-        have = certain_faults(found.theta[piece], error[piece], BOUNDS.counts * found.count)
-        found = _joined(found, have, piece)
+        found = _joined(found, piece, *certain_faults(found.theta[piece], error[piece], BOUNDS.counts * found.count))
     at_gaps = _steps_at_gaps([piece for piece in pieces if piece.size >= NEAR], error - found.shift())
-    return _without_wrong_angles(_joined(found, FoundFaults({}, at_gaps), np.arange(error.size)), stretch)
+    return _without_wrong_angles(_joined(found, np.arange(error.size), {}, at_gaps), stretch)
 
 
-def _steps_at_gaps(pieces: list[Integers], error: Array) -> tuple[LevelStep, ...]:
+def _steps_at_gaps(pieces: list[Integers], error: Array) -> list[LevelStep]:
     """Steps over a gap that are three times what the error makes anywhere: what is less may be the gear's."""
     if len(pieces) < 2:
-        return ()
+        return []
     usual = max(float(np.subtract(*np.quantile(error[piece], [0.95, 0.05]))) for piece in pieces)
     steps = []
     for before, after in pairwise(pieces):
         size = float(np.median(error[after[: 4 * NEAR]]) - np.median(error[before[-4 * NEAR :]]))
         if abs(size) > 3 * usual:
             steps.append(LevelStep(int(after[0]), int(after[0]), size, usual / 4))
-    return tuple(steps)
+    return steps
 
 
 def _without_wrong_angles(found: Faults, stretch: slice) -> Faults:
@@ -375,8 +374,9 @@ def _in_noise(found: Faults, error: Array, stretch: slice) -> Faults:
     inside = [slip.index for slip in found.slips if samples[0] < slip.index <= samples[-1]]
     known = place[np.searchsorted(samples, inside)].tolist()
     theta = np.interp(np.arange(good.size), place, found.theta[samples])
+    places = samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)]
     have = faults_in_noise(theta, values, good, pieces, known, BOUNDS.counts * found.count)
-    return _joined(found, have, samples[np.minimum(np.searchsorted(place, np.arange(good.size)), samples.size - 1)])
+    return _joined(found, places, *have)
 
 
 def _grid(found: Faults, stretch: slice) -> tuple[Integers, Integers, list[tuple[int, int]]]:
@@ -399,13 +399,13 @@ def _grid(found: Faults, stretch: slice) -> tuple[Integers, Integers, list[tuple
     return samples + stretch.start, place[samples], list(pairwise(edges))
 
 
-def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
+def _joined(found: Faults, places: Integers, outliers: dict[int, float], steps: list[LevelStep]) -> Faults:
     """Add what a search has found; `places` are the samples it counts by."""
-    if not have.outliers and not have.steps:
+    if not outliers and not steps:
         return found
     kept = found.kept.copy()
     slips = {slip.index: slip for slip in found.slips}
-    for step in have.steps:
+    for step in steps:
         kept[places[step.first] : places[step.last]] = False
         index = int(places[step.last])
         # What is left of a slip that is known adds to it.
@@ -415,16 +415,16 @@ def _joined(found: Faults, have: FoundFaults, places: Integers) -> Faults:
             index, float(found.theta[index]), before + step.size, step.spread, index in slips and slips[index].of_input
         )
     sizes = dict(zip(found.spikes.tolist(), found.sizes.tolist(), strict=True))
-    sizes |= {int(places[at]): size for at, size in have.outliers.items()}
+    sizes |= {int(places[at]): size for at, size in outliers.items()}
     kept[list(sizes)] = False
     # A sample off beside a slip is of its transition.
-    outliers = {i: size for i, size in sizes.items() if all(abs(i - slip) > WIDEST_SLIP for slip in slips)}
-    at = sorted(outliers)
+    apart = {i: size for i, size in sizes.items() if all(abs(i - slip) > WIDEST_SLIP for slip in slips)}
+    at = sorted(apart)
     return replace(
         found,
         kept=kept,
         spikes=np.array(at, dtype=np.intp),
-        sizes=np.array([outliers[i] for i in at], dtype=np.float64),
+        sizes=np.array([apart[i] for i in at], dtype=np.float64),
         slips=tuple(slips[i] for i in sorted(slips)),
     )
 

@@ -10,7 +10,6 @@ from rverror.runs.fault_bounds import (
     BOUNDS,
     ROUNDS,
     WIDEST_SLIP,
-    FoundFaults,
     LevelStep,
     blockwise,
     peaks,
@@ -29,7 +28,7 @@ _LARGER = 4.0
 _BLOCK = 64
 
 
-def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
+def certain_faults(theta: Array, error: Array, floor: float) -> tuple[dict[int, float], list[LevelStep]]:
     """Find spikes and slips that are certain whatever the gear error is.
 
     Parameters
@@ -43,10 +42,12 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
 
     Returns
     -------
-    FoundFaults
+    outliers : dict of int to float
+        How far each sample that is off by itself is off.
+    steps : list of LevelStep
     """
     if theta.size < 4 * NEAR:
-        return FoundFaults({}, ())
+        return {}, []
     sides, beyond = Sides(theta), NEAR + BOUNDS.longest_burst
     sides_beyond = Sides(_mirrored(theta, beyond, theta[0], theta[-1]))
     values = error.copy()
@@ -97,7 +98,7 @@ def certain_faults(theta: Array, error: Array, floor: float) -> FoundFaults:
         if not further:
             break
     apart_from_gear = [step for step in steps if not repeats(theta, rises, step.first)]
-    return FoundFaults(found, tuple(_set_apart(apart_from_gear, read)))
+    return found, _set_apart(apart_from_gear, read)
 
 
 def _set_apart(steps: list[LevelStep], read: Array) -> list[LevelStep]:

@@ -15,7 +15,6 @@ from rverror.base.chance import chi_square
 from rverror.runs.fault_bounds import (
     BOUNDS,
     ROUNDS,
-    FoundFaults,
     LevelStep,
     blockwise,
     peaks,
@@ -51,7 +50,7 @@ def faults_in_noise(
     pieces: Sequence[tuple[int, int]],
     known: Sequence[int],
     floor: float,
-) -> FoundFaults:
+) -> tuple[dict[int, float], list[LevelStep]]:
     """Find spikes and slips in a residual.
 
     Parameters
@@ -71,13 +70,15 @@ def faults_in_noise(
 
     Returns
     -------
-    FoundFaults
+    outliers : dict of int to float
+        How far each sample that is off by itself is off.
+    steps : list of LevelStep
         A slip's transition is where it may have happened; of known slips what was left.
     """
     values, good = np.where(good, values, 0.0), good.copy()
     tests = int(np.count_nonzero(good))
     if tests < 4 * BOUNDS.least_side or np.ptp(values[good]) == 0:
-        return FoundFaults({}, ())
+        return {}, []
     outliers: dict[int, float] = {}
     steps = {k: LevelStep(k, k, 0.0, math.nan) for k in known}
     for _ in range(ROUNDS):
@@ -115,7 +116,7 @@ def faults_in_noise(
             steps[k] = LevelStep(first, last, float(slips.size[k]), float(slips.spread[k]))
         if not taken:
             break
-    return FoundFaults(outliers, tuple(step for step in steps.values() if not math.isnan(step.spread)))
+    return outliers, [step for step in steps.values() if not math.isnan(step.spread)]
 
 
 # --- the noise --------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
-from rverror.base.text import PathLike, check_path, shown, split_lines, write_text
+from rverror.base.text import PathLike, check_path, shown, split_lines, write_file
 from rverror.base.viewed import Viewed
 from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Drive, Reducer
@@ -367,7 +367,6 @@ def run_from_arrays(
     if temperature is not None:
         stated["temperature"] = stated_value("", "temperature", temperature, "temperature"), ""
     reading = Reading(
-        path="",
         columns=columns,
         labels=np.arange(next(iter(sizes.values()), 0)),
         noun="sample",
@@ -398,7 +397,7 @@ def write_run(path: PathLike, run: Run, *, comments: Iterable[str] = (), overwri
     """
     check_path(path)
     check_kind("run", run, Run, "write it as write_run(path, run)")
-    write_text(path, run_text(run, comments=comments, path=str(path)), overwrite=overwrite)
+    write_file(path, run_text(run, comments=comments, path=str(path)), overwrite=overwrite)
 
 
 def run_text(run: Run, *, comments: Iterable[str] = (), path: str = "") -> str:

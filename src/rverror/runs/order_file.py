@@ -18,7 +18,7 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.directions import direction_signs
 from rverror.base.errors import check_kind, refusing
 from rverror.base.numbers import count_of, way, with_unit
-from rverror.base.text import PathLike, check_path, file_head, split_lines, write_text
+from rverror.base.text import PathLike, check_path, file_head, split_lines, write_file
 from rverror.runs.bench.mapping import BenchMapping, given_mapping
 from rverror.runs.bench.order_rows import KIND, check_order_columns, read_order_rows
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
@@ -344,7 +344,7 @@ def write_orders(path: PathLike, table: OrderTable, *, overwrite: bool = False) 
     """
     check_path(path)
     check_kind("table", table, OrderTable, "write it as write_orders(path, table)")
-    write_text(path, orders_text(table, path=str(path)), overwrite=overwrite)
+    write_file(path, orders_text(table, path=str(path)), overwrite=overwrite)
 
 
 def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = ()) -> str:

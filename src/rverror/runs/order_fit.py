@@ -169,10 +169,11 @@ def _case(name: str, run: Run, ratio: Reducer | Drive | Model | float, orders: A
     noise = max(noise, float(np.spacing(np.abs(angle).max(initial=1.0))))
     k = orders.size
     spread = (np.linalg.inv(r) ** 2).sum(axis=1)[: 2 * k].reshape(2, -1).mean(axis=0)
+    speed = None if run.time is None else float(abs(ratio_of(ratio)) * np.ptp(theta) / np.ptp(run.time))  # its mean
     colour = _colour(angle, left, orders, turns=travel / _TURN, degree=degree)
     return OrderCase(
         condition=TableCondition(
-            direction=direction, torque=run.torque, input_speed=_speed(run, theta, ratio), temperature=run.temperature
+            direction=direction, torque=run.torque, input_speed=speed, temperature=run.temperature
         ),
         orders=orders.copy(),
         waves=sizes[:k] - 1j * sizes[k : 2 * k],
@@ -251,10 +252,3 @@ def _check_told_apart(name: str, orders: Array, travel: float, *, step: float) -
             f"{name}: order {orders[-1]:g} has {_TURN / (orders[-1] * step):.3g} samples a wave, more than 2 are "
             "needed; measure more samples, or leave it out"
         )
-
-
-def _speed(run: Run, theta: Array, ratio: Reducer | Drive | Model | float) -> float | None:
-    """Mean size of the input speed, rad/s; None of a run without time."""
-    if run.time is None:
-        return None
-    return float(abs(ratio_of(ratio)) * np.ptp(theta) / np.ptp(run.time))

@@ -163,24 +163,14 @@ class Reading(OfFile):
         >>> Reading(labels=np.array([2, 4, 7]), noun="line", columns={}).listed([1, 2])
         '(lines 4, 7)'
         """
-        return listed(self.noun, self.labels[rows].tolist())
+        labels = self.labels[rows].tolist()
+        return f"({self.noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
 
 
 class OrderRows(Reading):
     """Rows of an order table, each one wave."""
 
     made_in: ClassVar[str] = "order table"
-
-
-def listed(noun: str, labels: Sequence[int]) -> str:
-    """The first of some labels, in brackets, for messages.
-
-    Examples
-    --------
-    >>> listed("sample", [3])
-    '(sample 3)'
-    """
-    return f"({noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
 
 
 def refuse(path: str, message: str) -> NoReturn:

@@ -20,7 +20,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError, check_kind
 from rverror.base.progress import Progress
-from rverror.base.text import PathLike, write_bytes
+from rverror.base.text import PathLike, write_file
 from rverror.base.units import named_core
 from rverror.base.version import __version__
 from rverror.base.viewed import Viewed
@@ -360,7 +360,7 @@ class _Store:
         """Write a chunk in one step."""
         content = io.BytesIO()
         np.save(content, sizes)
-        write_bytes(self.path(index), content.getvalue(), overwrite=True)
+        write_file(self.path(index), content.getvalue(), overwrite=True)
 
 
 def _digest(stack: Stack, job: _Chunks) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
-from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_text
+from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_file
 from rverror.base.toml import EXAMPLES, KeyPath, Table, TomlText, is_number, is_text, is_whole, read_toml
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
@@ -286,7 +286,7 @@ def save_widths(
     after = _read(_parsed(name, changed), None)
     if any(not math.isclose(item.width, width, rel_tol=1e-3) for item, width in zip(after, widths, strict=True)):
         raise InputError(f"{name}: the new widths would not read back; write each tolerance = ... on a line of its own")
-    write_text(target_path, changed.replace("\n", "\r\n") if "\r\n" in text else changed, overwrite=overwrite)
+    write_file(target_path, changed.replace("\n", "\r\n") if "\r\n" in text else changed, overwrite=overwrite)
 
 
 def _rounded_down(width: float, dimension: str) -> float:

@@ -53,8 +53,8 @@ def test_good_file(tmp_path: Path) -> None:
     assert (te.where.column, te.factor, te.scaled) == (4, pytest.approx(-2.5e-3), True)
     assert time.factor == pytest.approx(1e-3)
     assert mapping.header["direction"].text == "Forward"
-    assert mapping.header["output_torque"].where.property == "M"
-    assert mapping.header["temperature"].where.property == "T"
+    assert mapping.header["output_torque"].where.name == "M"
+    assert mapping.header["temperature"].where.name == "T"
 
 
 def test_the_shipped_mapping_is_one() -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rverror.base.errors import InputError
+from rverror.base.errors import needing
 from rverror.base.text import PathLike
 from rverror.runs.bench.columns import (
     MOST_COLUMNS,
@@ -51,7 +51,7 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
         If h5py is not installed, or the file is damaged.
     """
     name = str(path)
-    with _needing(name, "HDF5 files need h5py"):
+    with needing(f"{name}: HDF5 files need h5py", "io"):
         import h5py
     found: list[tuple[Entry, str, Any]] = []
     properties: dict[str, str] = {}
@@ -75,15 +75,6 @@ def open_hdf5(path: PathLike, kind: str = "HDF5") -> BenchFile:
     return BenchFile(
         path=name, kind=kind, entries=tuple(entry for entry, _, _ in found), columns=columns, properties=properties
     )
-
-
-@contextmanager
-def _needing(path: str, needed: str) -> Iterator[None]:
-    """Refuse a file whose library is not installed."""
-    try:
-        yield
-    except ImportError as error:
-        raise InputError(f"{path}: {needed}; install it with: pip install 'rverror[io]'") from error
 
 
 def _vectors(name: str, shape: tuple[int, ...]) -> list[tuple[str, Any, tuple[int, ...]]]:
@@ -248,7 +239,7 @@ def _channels(file: Any) -> list[Any]:
 
 @contextmanager
 def _opened(path: str) -> Iterator[Any]:
-    with _needing(path, "TDMS files need npTDMS"):
+    with needing(f"{path}: TDMS files need npTDMS", "io"):
         from nptdms import TdmsFile
         from nptdms.log import log_manager as log
     level = log.log_level

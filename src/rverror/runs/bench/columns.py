@@ -11,7 +11,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
-from rverror.base.text import shown
+from rverror.base.text import shown, some
 from rverror.runs.reading import OfFile, Stated, refuse
 
 #: Most samples of a column: a size that a file claims is refused before memory is asked for.
@@ -98,10 +98,6 @@ class BenchFile(OfFile):
     decimal: str = "."
     cells: Callable[[int], list[str]] | None = None
 
-    def rows(self, size: int) -> RawArray:
-        """What messages call each of so many rows."""
-        return np.arange(size) if self.labels is None else self.labels
-
     def read(self, chosen: Iterable[Entry]) -> list[RawArray]:
         """Arrays of some of the entries, as stored."""
         return self.columns([self._place(entry) for entry in chosen])
@@ -119,8 +115,7 @@ class BenchFile(OfFile):
 
 def some_names(names: Iterable[str]) -> str:
     """The first of some names, for messages."""
-    shortened = [shown(name, 60) for name in names]
-    return (", ".join(shortened[:_MOST_LISTED]) or "none") + (", ..." if len(shortened) > _MOST_LISTED else "")
+    return some((shown(name, 60) for name in names), _MOST_LISTED) or "none"
 
 
 @contextmanager

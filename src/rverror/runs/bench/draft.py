@@ -9,7 +9,7 @@ from importlib import resources
 from itertools import islice, zip_longest
 
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, read_bytes, shown, split_lines
+from rverror.base.text import PathLike, decoded, read_bytes, shown, split_lines
 from rverror.base.toml import quoted
 from rverror.runs.bench.columns import Entry
 from rverror.runs.bench.file import is_bench_file, open_bench_file
@@ -18,7 +18,6 @@ from rverror.runs.bench.text import (
     SEPARATORS,
     Undecided,
     column_facts,
-    decoded,
     described_columns,
     found_decimal,
     is_number,

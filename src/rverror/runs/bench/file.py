@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import TypeVar
 
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, file_head, shown
 from rverror.runs.bench.binary import HDF5_SIGNATURE, TDMS_SIGNATURE, open_hdf5, open_mat, open_tdms
@@ -35,10 +37,32 @@ from rverror.runs.reading import (
     stated_value,
 )
 
+R = TypeVar("R", bound=Reading)
+
 _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
 #: Endings of names of files that can be runs.
 RUN_SUFFIXES = (".csv", ".txt", ".asc", ".dat", *_SUFFIXES)
+
+
+def folders_of_runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[Path, tuple[str, ...]]:
+    """Files with these endings in each subfolder; hidden files and folders are left out.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be read.
+    """
+    try:
+        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
+        files = {each: sorted(path for path in each.iterdir() if path.is_file()) for each in folders}
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{root}: cannot read the folder ({reason}); check the path") from error
+    return {
+        each: tuple(str(p) for p in own if p.name.lower().endswith(suffixes) and not p.name.startswith("."))
+        for each, own in files.items()
+    }
 
 
 def is_bench_file(path: PathLike) -> bool:
@@ -68,15 +92,14 @@ def open_bench_file(path: PathLike, mapping: BenchMapping, standard: Sequence[st
         If it cannot be read.
     """
     kind = _kind(path)
-    readers: dict[str, Callable[[PathLike], BenchFile]] = {
-        "HDF5": open_hdf5,
-        "MAT": open_mat,
-        "MAT 7.3": lambda path: open_hdf5(path, "MAT"),
-        "TDMS": open_tdms,
-        "archive": _refuse_archive,
-        "text": lambda path: open_text(path, mapping.text, _wanted(mapping), standard),
-    }
-    return readers[kind](path)
+    if kind == "archive":
+        refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
+    if kind == "text":
+        rules = [*mapping.columns.values(), *mapping.orders.values()]
+        return open_text(path, mapping.text, [rule.where.column or rule.where.name for rule in rules], standard)
+    if kind in ("MAT", "TDMS"):
+        return open_mat(path) if kind == "MAT" else open_tdms(path)
+    return open_hdf5(path, kind.removesuffix(" 7.3"))
 
 
 def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
@@ -94,48 +117,70 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
     rules = dict(mapping.columns) or standard_rules(file, mapping, RUN_COLUMNS)
     others = [] if mapping.columns else [entry.name for entry in file.entries if bare_name(entry.name) not in rules]
     names = [*(SPEEDS.get(key, key) for key in rules), *others]
-    check_needed(file.path, mapping.path or file.place or "columns", names, _remedy(file, mapping))
-    notes = list(file.notes)
-    entries, columns = core_columns(file, mapping, rules, notes)
-    size = next(iter(columns.values())).size
+    remedy = ", in [columns] of the mapping"
+    if not mapping.columns:
+        remedy = ", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
+        remedy += some_names(entry.name for entry in file.entries)
+    check_needed(file.path, mapping.path or file.place or "columns", names, remedy)
+    read, entries, header = contents(file, mapping, rules, HEADER_KEYS, Reading)
+    columns, stated, notes = dict(read.columns), dict(read.stated), list(read.notes)
     if "time" not in columns:
-        columns |= _clock(file, list(entries.values()), size, notes)
-    header = header_values(file, mapping, HEADER_KEYS, notes)
-    stated = stated_conditions(file, header, HEADER_KEYS)
+        columns |= _clock(file, list(entries.values()), read.labels.size, notes)
     if "direction" in header:
         stated["direction"] = _direction(file, header["direction"]), header["direction"].at
-    notes += left_out_columns(file, list(entries.values()))
-    reading = Reading(
-        path=file.path,
-        columns=columns,
-        labels=file.rows(size),
-        noun=file.noun,
-        stated=stated,
-        index=header["index"].text if "index" in header else "",
-        metadata={key: value.text for key, value in header.items()},
-        notes=tuple(notes),
-    )
-    return integrated(reading)
+    return integrated(replace(read, columns=columns, stated=stated, notes=tuple(notes)))
 
 
-def core_columns(
-    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], notes: list[str]
-) -> tuple[dict[str, Entry], dict[str, Array]]:
-    """Entries of known columns, and those that are numbers in core units; `notes` gets what was assumed.
+def contents(
+    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], keys: Sequence[str], kind: type[R]
+) -> tuple[R, dict[str, Entry], dict[str, Stated]]:
+    """Known columns and header of a file, before the checks of a run or an order table.
+
+    Parameters
+    ----------
+    rules : mapping of str to ColumnRule
+        Of the known columns.
+    keys : sequence of str
+        Of the header, that have a meaning.
+    kind : type
+        `Reading`, or one of its own.
+
+    Returns
+    -------
+    read : Reading
+        Its conditions without the direction, which words tell.
+    entries : dict of str to Entry
+        Of the known columns.
+    header : dict of str to Stated
 
     Raises
     ------
     InputError
-        If one cannot be used, or they differ in length.
+        If a column cannot be used, they differ in length, or a value of the header is missing or has no unit.
     """
-    entries = {key: found_entry(file, mapping, rule.where) for key, rule in rules.items()}
+    notes = list(file.notes)
+    entries = {key: found_entry(file, rule.where, mapping.group) for key, rule in rules.items()}
     numbers = [key for key in rules if key != "direction"]
     stored = dict(zip(numbers, file.read(entries[key] for key in numbers), strict=True))
     sizes = {f"{key} ({shown(entries[key].name, 60)})": array.size for key, array in stored.items()}
     check_lengths(file.path, sizes, "record them at one rate, or export them again")
-    return entries, {
-        key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()
-    }
+    columns = {key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()}
+    header = header_values(file, mapping, keys, notes)
+    read = kind(
+        path=file.path,
+        columns=columns,
+        labels=np.arange(next(iter(columns.values())).size) if file.labels is None else file.labels,
+        noun=file.noun,
+        stated={
+            key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
+            for key, stated in header.items()
+            if key in keys and key in ORDER_CONDITIONS
+        },
+        index=header["index"].text if "index" in header else "",
+        metadata={key: value.text for key, value in header.items()},
+        notes=(*notes, *left_out_columns(file, list(entries.values()))),
+    )
+    return read, entries, header
 
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
@@ -166,17 +211,7 @@ def _kind(path: PathLike) -> str:
     return _SUFFIXES.get(Path(path).suffix.lower(), "text")
 
 
-def _refuse_archive(path: PathLike) -> NoReturn:
-    refuse(str(path), "this is a workbook or an archive; save the sheet as CSV, or unpack it")
-
-
 # --- which columns ----------------------------------------------------------------------------------------------------
-
-
-def _wanted(mapping: BenchMapping) -> list[str | int]:
-    """Names or numbers of columns that a text file must have; none where the standard ones are looked for."""
-    rules = [*mapping.columns.values(), *mapping.orders.values()]
-    return [rule.where.column or rule.where.name for rule in rules]
 
 
 def standard_rules(file: BenchFile, mapping: BenchMapping, standard: Sequence[str]) -> dict[str, ColumnRule]:
@@ -228,16 +263,7 @@ def _standard_rule(file: BenchFile, key: str, place: str, where: Where, unit: st
     return ColumnRule(where=where, unit=unit, factor=factor, zero=zero)
 
 
-def _remedy(file: BenchFile, mapping: BenchMapping) -> str:
-    if mapping.columns:
-        return ", in [columns] of the mapping"
-    return (
-        f", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
-        f"{some_names(entry.name for entry in file.entries)}"
-    )
-
-
-def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
+def found_entry(file: BenchFile, where: Where, group: str = "") -> Entry:
     """The entry that a mapping means.
 
     Raises
@@ -245,22 +271,19 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
     InputError
         If there is none, it is one of several, or no column.
     """
-    at = f" ({where.stated_at})" if where.stated_at else ""
-    if where.column and file.kind != "text":  # a channel of a matrix
-        if not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):
-            file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
-        name = str(where.column)
-    elif where.column:
+    at, text = f" ({where.stated_at})" if where.stated_at else "", file.kind == "text"
+    if where.column and text:
         if where.column > len(file.entries):
             file.refuse(f"there is no column {where.column}{at}; the rows have {len(file.entries)} cells")
         return file.entries[where.column - 1]
-    else:
-        name = where.name if file.kind == "text" else where.name.strip("/")
-    full = f"{mapping.group}/{name}" if mapping.group and file.kind != "text" else name
+    if where.column and not any(entry.name.rpartition("/")[2] == "1" for entry in file.entries):  # of a matrix
+        file.refuse(f"column {where.column}{at}: {file.kind} columns have names, no numbers; write name")
+    name = str(where.column or (where.name if text else where.name.strip("/")))
+    full = f"{group}/{name}" if group and not text else name
     fitting = [entry for entry in file.entries if entry.name == full]
-    if not fitting and not mapping.group and file.kind != "text":
+    if not (fitting or group or text):
         fitting = [entry for entry in file.entries if entry.name.endswith(f"/{name}")]
-    inside = [entry.name for entry in file.entries if file.kind != "text" and entry.name.startswith(f"{full}/")]
+    inside = [entry.name for entry in file.entries if not text and entry.name.startswith(f"{full}/")]
     if inside and not fitting:
         file.refuse(f"{shown(full, 60)}{at} holds {some_names(inside)}; write the name of one of them in full")
     if not fitting:
@@ -270,10 +293,8 @@ def found_entry(file: BenchFile, mapping: BenchMapping, where: Where) -> Entry:
         wanted = where.column or shown(full, 60)
         file.refuse(f"{place}there is no column {wanted}{at};{hint} the file has {names}")
     if len(fitting) > 1:
-        file.refuse(
-            f"{where}{at} may be {' or '.join(shown(entry.name, 60) for entry in fitting[:3])}; write one of "
-            "them in full"
-        )
+        either = " or ".join(shown(entry.name, 60) for entry in fitting[:3])
+        file.refuse(f"{where}{at} may be {either}; write one of them in full")
     if fitting[0].problem:
         file.refuse(f"{shown(fitting[0].name, 60)}{at} {fitting[0].problem}")
     return fitting[0]
@@ -333,26 +354,9 @@ def header_values(file: BenchFile, mapping: BenchMapping, keys: Sequence[str], n
     return stated
 
 
-def stated_conditions(
-    file: BenchFile, header: Mapping[str, Stated], keys: Sequence[str]
-) -> dict[str, tuple[float, str]]:
-    """Conditions among some keys of a header, in core units, each with its place.
-
-    Raises
-    ------
-    InputError
-        If one has no unit or is none.
-    """
-    return {
-        key: (stated_value(file.path, f"{stated.at}: {key}", stated.text, DIMENSIONS[key]), stated.at)
-        for key, stated in header.items()
-        if key in keys and key in ORDER_CONDITIONS
-    }
-
-
 def _property(file: BenchFile, key: str, rule: HeaderRule) -> str:
     """Text of a property, with the mapping's unit where it has none."""
-    name, at = rule.where.property, rule.where.stated_at
+    name, at = rule.where.name, rule.where.stated_at
     if name not in file.properties:
         hint = did_you_mean(name, list(file.properties))
         file.refuse(f"there is no property {shown(name, 60)} ({at});{hint} the file has {some_names(file.properties)}")

@@ -68,11 +68,7 @@ def unit_scale(unit: str, dimension: str) -> tuple[float, float]:
         raise ValueError(f"{unit!r} are no {dimension} without counts_per_turn; state both in the mapping")
     if unit in _SPELT:
         raise ValueError(f"{unit!r} is no unit that is understood; did you mean {_SPELT[unit]!r}?")
-    factor, zero = units.unit_scale(unit, dimension)
-    # pint takes every number without a dimension for rad: ratio, percent, bits.
-    if dimension == "angle" and factor == 1.0 and not unit.lower().startswith("rad"):
-        raise ValueError(f"{unit!r} is no unit of angle; use one like 'deg'")
-    return factor, zero
+    return units.unit_scale(unit, dimension)
 
 
 _TOP = ("name", "file", "columns", "orders", "header")
@@ -98,23 +94,21 @@ class Where:
     Attributes
     ----------
     name : str
-        Of a column, data set or channel; with the group before it, as in ``group/channel``.
+        Of a column, data set or channel, with the group before it, as in ``group/channel``; of a header's value, of an
+        attribute, property or line of the preamble.
     column : int
         Of a text file, from 1; 0 where the name tells.
-    property : str
-        Name of an attribute, property or line of the preamble.
     stated_at : str
         Place in the mapping, for messages.
     """
 
     name: str = ""
     column: int = 0
-    property: str = ""
     stated_at: str = ""
 
     def __str__(self) -> str:
         """Name it as the mapping does."""
-        return f"column {self.column}" if self.column else shown(self.name or self.property, 60)
+        return f"column {self.column}" if self.column else shown(self.name, 60)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,14 +238,17 @@ def load_mapping(path: PathLike) -> BenchMapping:
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
     if "orders" in toml.content and "columns" in toml.content:
         toml.refuse(("columns",), "[columns] beside [orders]: a file is a run or a table; leave out one of them")
+    toml.check_keys(("orders",), tables["orders"], ORDER_COLUMNS, "column")
     keys = HEADER_KEYS if "orders" not in toml.content else (*HEADER_KEYS, "input_speed")
     toml.check_keys(("header",), tables["header"], keys, "key of [header]")
+    for key in filter(tables["header"].__contains__, tables["orders"]):
+        toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
     return BenchMapping(
         path=str(path),
         group=toml.string(("file",), tables["file"], "group").strip("/"),
         text=text_rules(toml),
         columns={key: _column_rule(toml, key, value) for key, value in tables["columns"].items()},
-        orders=_order_rules(toml, tables["orders"], tables["header"]),
+        orders={key: _order_rule(toml, key, value) for key, value in tables["orders"].items()},
         header={
             key: _header_rule(toml, key, value, of_run="orders" not in toml.content)
             for key, value in tables["header"].items()
@@ -311,8 +308,7 @@ def _where(
     text = toml.string(place, table, given[0]).strip()
     if not text:
         toml.refuse((*place, given[0]), f'{given[0]} is empty; write {given[0]} = "..." as the file has it')
-    name, property_ = (text, "") if given == ["name"] else ("", text)
-    return Where(name=name, property=property_, stated_at=stated_at)
+    return Where(name=text, stated_at=stated_at)
 
 
 def _stated_at(toml: TomlText, place: KeyPath) -> str:
@@ -367,11 +363,6 @@ def is_sign(value: object) -> bool:
     return is_number(value) and value in (1, -1)
 
 
-def _sign(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -> float:
-    must = "1 or -1; write -1 where it counts the other way"
-    return float(toml.checked(place, table, "sign", is_sign, must, 1))
-
-
 def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], example: str, dimension: str) -> ColumnRule:
     """Rule of a column with a unit, a sign and a scale.
 
@@ -392,7 +383,8 @@ def scaled_rule(toml: TomlText, place: KeyPath, table: Mapping[str, Any], exampl
     key = place[-1]
     where = _where(toml, place, table, example)
     unit = toml.string(place, table, "unit").strip()
-    sign, scale = _sign(toml, place, table), _number(toml, place, table, "scale")
+    sign = float(toml.checked(place, table, "sign", is_sign, "1 or -1; write -1 where it counts the other way", 1))
+    scale = _number(toml, place, table, "scale")
     if not dimension:
         return ColumnRule(where=where, factor=scale or 1.0, scaled=True)
     if scale is not None and not unit:
@@ -415,14 +407,6 @@ def _direction_words(toml: TomlText, place: KeyPath, table: Mapping[str, Any]) -
     if len(set(given.values())) < len(given):
         toml.refuse((*place, "reverse"), f"forward and reverse are both {shown(given['reverse'])}; correct one of them")
     return {word: key for key, word in given.items()}
-
-
-def _order_rules(toml: TomlText, table: Mapping[str, Any], header: Mapping[str, Any]) -> dict[str, ColumnRule]:
-    toml.check_keys(("orders",), table, ORDER_COLUMNS, "column")
-    for key in table:
-        if key in header:
-            toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
-    return {key: _order_rule(toml, key, value) for key, value in table.items()}
 
 
 def _order_rule(toml: TomlText, key: str, value: object) -> ColumnRule:

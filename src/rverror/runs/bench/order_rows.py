@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from itertools import compress
 
 import numpy as np
@@ -13,12 +14,10 @@ from rverror.base.numbers import count_of
 from rverror.base.text import PathLike, did_you_mean, shown
 from rverror.runs.bench.columns import BenchFile
 from rverror.runs.bench.file import (
-    core_columns,
+    contents,
     header_values,
-    left_out_columns,
     open_bench_file,
     standard_rules,
-    stated_conditions,
     unknown_word,
 )
 from rverror.runs.bench.mapping import BenchMapping, ColumnRule
@@ -29,7 +28,6 @@ from rverror.runs.reading import (
     OrderRows,
     Stated,
     bare_name,
-    listed,
     refuse,
 )
 
@@ -61,26 +59,22 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         If it cannot be used; one line that names file, line, column, bound and remedy.
     """
     file = open_bench_file(path, mapping, ORDER_COLUMNS)
-    notes = list(file.notes)
-    header = header_values(file, mapping, ORDER_KEYS, notes)
     if mapping.orders:
         rules = dict(mapping.orders)
         check_order_columns(mapping.path, "[orders]", rules)
     else:
-        _check_kind(file, header)
+        _check_kind(file, header_values(file, mapping, ORDER_KEYS, []))
         rules = standard_rules(file, mapping, ORDER_COLUMNS)
         names = [entry.name for entry in file.entries]
         check_order_columns(file.path, file.place, rules, others=names)
-    entries, columns = core_columns(file, mapping, rules, notes)
+    read, entries, header = contents(file, mapping, rules, ORDER_KEYS, OrderRows)
+    stated, notes = dict(read.stated), list(read.notes)
     # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
-    kept = np.logical_or.reduce([np.isfinite(values) for values in columns.values()])
-    labels = file.rows(kept.size)
+    kept = np.logical_or.reduce([np.isfinite(values) for values in read.columns.values()])
     if not kept.all():
-        left = labels[~kept].tolist()
-        notes.append(f"{count_of(len(left), 'row')} without any number left out {listed(file.noun, left)}")
-    columns = {key: values[kept] for key, values in columns.items()}
-    labels = labels[kept]
-    stated = stated_conditions(file, header, ORDER_KEYS)
+        left = count_of(int(np.count_nonzero(~kept)), "row")
+        notes.append(f"{left} without any number left out {read.listed(~kept)}")
+    columns, labels = {key: values[kept] for key, values in read.columns.items()}, read.labels[kept]
     if "direction" in header:
         where = header["direction"].at
         stated["direction"] = _direction(file, where, header["direction"].text), where
@@ -93,7 +87,6 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
             f"{file.place or 'columns'}: there is no direction; write '# direction: forward' above the names, a "
             "column 'direction', or direction in [header] or [orders] of the mapping"
         )
-    notes += left_out_columns(file, list(entries.values()))
     if mapping.orders:
         for key in _SIZES:
             if key in columns and (columns[key] < 0).any():
@@ -101,16 +94,7 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
                 notes.append(f"{key} has the sign of the motion; its size is taken")
         if "amplitude" in rules and rules["amplitude"].sign < 0:  # the error counts the other way
             columns["amplitude"], columns["phase"] = -columns["amplitude"], columns["phase"] + math.pi
-    return OrderRows(
-        path=file.path,
-        labels=labels,
-        noun=file.noun,
-        columns=columns,
-        stated=stated,
-        index=header["index"].text if "index" in header else "",
-        metadata={key: value.text for key, value in header.items()},
-        notes=tuple(dict.fromkeys(notes)),
-    )
+    return replace(read, labels=labels, columns=columns, stated=stated, notes=tuple(dict.fromkeys(notes)))
 
 
 def _check_kind(file: BenchFile, stated: Mapping[str, Stated]) -> None:

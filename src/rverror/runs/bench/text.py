@@ -11,9 +11,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
-from rverror.base.text import PathLike, did_you_mean, read_bytes, shown, some, split_lines
+from rverror.base.text import PathLike, decoded, did_you_mean, read_bytes, shown, some, split_lines
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, some_names
 from rverror.runs.bench.mapping import TextRules
 from rverror.runs.reading import DIMENSIONS, HEADER_LINE, ORDER_KEYS, RUN_COLUMNS, Stated, bare_name, refuse
@@ -130,6 +129,7 @@ def found_decimal(cells: Iterable[str], *, point_is_decimal: bool = False) -> st
 #: Separators that are tried, in this order; blanks only for a draft.
 SEPARATORS = (";", "\t", ",", "|", " ")
 _WORDS = {";": "semicolon", "\t": "tab", ",": "comma", "|": "bar", " ": "blanks"}
+_OR_ENCODING = ', or write encoding = "{}" or another in [file] of a mapping (rverror read FILE --draft begins one)'
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _PROPERTY = re.compile(r"[#%;\s\"]*([^:=\t;,|]+?)[\"\s]*[:=\t;,|]\s*(.*)$")
 _FAMILY = re.compile(r"(?<=\S)\s+\(.*\)$")  # of a unit: "deg (Angle)"
@@ -166,7 +166,9 @@ def open_text(
         If the text cannot be decoded, or its names, separator or decimal sign cannot be told.
     """
     name = str(path)
-    return open_lines(name, split_lines(decoded(name, read_bytes(path), rules.encoding)), rules, wanted, standard)
+    formats = "an export as text, MAT, HDF5 or TDMS"
+    text = decoded(name, read_bytes(path), rules.encoding, otherwise=_OR_ENCODING, wanted=formats)
+    return open_lines(name, split_lines(text), rules, wanted, standard)
 
 
 def open_lines(
@@ -252,38 +254,6 @@ def open_lines(
         decimal=decimal,
         cells=cells_at,
     )
-
-
-def decoded(path: str, raw: bytes, encoding: str) -> str:
-    """Text of a file.
-
-    Parameters
-    ----------
-    encoding : str
-        Empty where nothing is stated: then UTF-8 it must be.
-
-    Raises
-    ------
-    InputError
-        If it is no text, or of another encoding.
-    """
-    if not encoding and raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        refuse(path, 'the text is UTF-16; save it as UTF-8, or write encoding = "utf-16" in [file] of a mapping')
-    if not encoding and b"\0" in raw:
-        refuse(path, "this is no text file (it holds zero bytes), nor MAT, HDF5 or TDMS; export it as one of them")
-    try:
-        return raw.decode(encoding or "utf-8").removeprefix("\ufeff")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        remedy = (
-            "correct encoding in [file] of the mapping"
-            if encoding
-            else 'save the file as UTF-8, or write encoding = "cp1252" or another in [file] of a mapping (rverror read '
-            "FILE --draft begins one)"
-        )
-        raise InputError(
-            f"{path}, line {line}: byte 0x{raw[error.start]:02x} is no {encoding or 'UTF-8'} text; {remedy}"
-        ) from error
 
 
 def split_cells(line: str, separator: str) -> list[str]:
@@ -544,16 +514,15 @@ def _decimal(
             f"line {rows[row] + 1}, column {place + 1}: {shown(found.cell)} {found.why}; write decimal = '.' or ',' in "
             "[file] of the mapping, and export numbers without signs between thousands",
         )
-    if found in ("", ".") and separator == ",":
-        return ".", []
-    return found or ".", [f"decimal sign found in the rows: {found!r}"] if found else []
+    told = found and not (found == "." and separator == ",")
+    return found or ".", [f"decimal sign found in the rows: {found!r}"] if told else []
 
 
 def _column(cells: Sequence[str], decimal: str) -> RawArray:
     """Numbers of a column, NaN where a cell holds none; or its times of day, where its cells are such."""
     if seconds_of_day(next(filter(None, cells), "")) is not None:
-        nanoseconds = [None if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
-        return np.array(["NaT" if each is None else each for each in nanoseconds], dtype="timedelta64[ns]")
+        times = ["NaT" if (of_day := seconds_of_day(cell)) is None else round(1e9 * of_day) for cell in cells]
+        return np.array(times, dtype="timedelta64[ns]")
     if decimal == "." and "_" not in "".join(cells):  # which Python reads over
         try:
             return np.array(cells, dtype=np.float64)
