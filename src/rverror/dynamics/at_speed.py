@@ -212,15 +212,14 @@ class InfluencesAtSpeed:
         rad.
     matrices : tuple of ndarray, each of shape (parameters, n)
         rad per core unit of each parameter of each effect.
-    speed, torque : float
-        Of the input, rad/s; N*mm.
+    speed : float
+        Of the input, rad/s.
     """
 
     theta: Array
     transmission_error: Array
     matrices: tuple[Array, ...]
     speed: float
-    torque: float
 
 
 def _waves(rows: Array) -> Array:
@@ -370,8 +369,8 @@ def influences_at_speed(
     matrices = []
     for effect in effects:
         units = [replace(effect, values=tuple(unit)) for unit in np.eye(len(effect.values))]
-        matrices.append(np.array([made.error(next(shares), own) + added((one,), still) for one in units]))
-    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own, made.torque)
+        matrices.append(np.array([next(shares)(turn) + added((one,), still) for one in units]))
+    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own)
 
 
 def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) -> Array:
@@ -380,7 +379,7 @@ def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) ->
     parts = np.zeros((len(model.effects) + 1, *errors.shape))
     for number, effect in enumerate(model.effects):
         for value, share in zip(effect.values, shares, strict=False):
-            parts[number] += value * np.array([made.error(share, float(speed)) for speed in rows])
+            parts[number] += value * np.array([share(made.turn(float(speed))) for speed in rows])
         if effect in moves:
             parts[number] += added((effect,), made.where.read)
     parts[-1] = errors - parts[:-1].sum(axis=0)

@@ -7,7 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,6 +28,9 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import Stand, stand, unread
 from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Settled, statics_of
+
+#: Output error, rad, shape (n,), at a speed of the output.
+ErrorAtSpeed = Callable[[float], Array]
 
 
 @dataclass(frozen=True)
@@ -104,25 +107,6 @@ class LoadedMotion:
         flexible = flexibility @ inertia
         stiff = np.linalg.inv(inertia.T @ flexible)
         return ReducedMotion(self, basis, flexible @ stiff, stiff - hold * np.eye(kept), flexibility)
-
-
-@dataclass(frozen=True)
-class Share:
-    """What a share of the equilibrium, such as that of one error, does at speed.
-
-    Attributes
-    ----------
-    still : ndarray, shape (n,)
-        Output error at a crawl, rad.
-    follows : ndarray, shape (n,)
-        Output error per speed squared of the modes that follow as springs.
-    force : ndarray, shape (m, n)
-        Force of inertia on the coordinates per speed squared.
-    """
-
-    still: Array
-    follows: Array
-    force: Array
 
 
 @dataclass(frozen=True)
@@ -215,15 +199,16 @@ class ReducedMotion:
         still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
         return np.asarray(still + (self.reading * moved).sum(axis=0))
 
-    def share(self, state: Array, course: Array) -> Share:
+    def share(self, state: Array, course: Array) -> ErrorAtSpeed:
         """What a share of the equilibrium, (size, n), with the waves of it that inertia follows does at speed."""
         force, rest = self._follow(self.whole.inertia_against(course))
-        return Share(self.whole.train.reading @ state, self.whole.train.reading @ rest, force)
+        still, follows = self.whole.train.reading @ state, self.whole.train.reading @ rest
 
-    def share_error(self, share: Share, speed: float) -> Array:
-        """Output error of a share at a speed, (n,)."""
-        moved = self.oscillator.response(speed**2 * share.force, speed=speed) if speed else np.zeros_like(share.force)
-        return np.asarray(share.still + speed**2 * share.follows + (self.reading * moved).sum(axis=0))
+        def error(speed: float) -> Array:
+            moved = self.oscillator.response(speed**2 * force, speed=speed) if speed else np.zeros_like(force)
+            return np.asarray(still + speed**2 * follows + (self.reading * moved).sum(axis=0))
+
+        return error
 
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
@@ -351,7 +336,7 @@ def _samples_last(matrix: Array) -> Array:
 #: Times the highest frequency that the meshes drive: modes up to there keep their inertia, the machine's first always.
 REACH = 2.5
 _MOST_ANGLES = 2**16  # of one period: two gigabytes
-_AT_ONCE = 32  # parameters whose poses are held together
+_AT_ONCE = 16  # effects whose poses are held together
 
 
 @dataclass(frozen=True)
@@ -394,30 +379,19 @@ class MovingReducer:
         """Speed of the output, signed, at an input speed."""
         return self.direction * speed / self.unit.ratio
 
-    def shares(self, effects: Sequence[Effect]) -> Iterator[Share]:
+    def shares(self, effects: Sequence[Effect]) -> Iterator[ErrorAtSpeed]:
         """What one unit of each parameter of effects does, the closed contacts held closed; sizes play no part.
 
         Effects that no contact feels do nothing here.
         """
-        batch: list[Effect] = []
-        for effect in effects:
-            if batch and sum(len(one.values) for one in (*batch, effect)) > _AT_ONCE:
-                yield from self._shares(tuple(batch))
-                batch = []
-            batch.append(effect)
-        yield from self._shares(tuple(batch))
-
-    def _shares(self, effects: tuple[Effect, ...]) -> Iterator[Share]:
-        at, between = (one.pose_changes(effects) for one in (self.settled, self.halfway))
         whole = self.motion.whole
-        for number in range(at.shape[2]):
-            state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
-            course = held_waves(whole.train, state, between[..., number], whole.theta, whole.period)
-            yield self.motion.share(state, course)
-
-    def error(self, share: Share, speed: float) -> Array:
-        """Output error of a share at an input speed, rad, (n,)."""
-        return self.motion.share_error(share, self.turn(speed))
+        for first in range(0, len(effects), _AT_ONCE):
+            some = tuple(effects[first : first + _AT_ONCE])
+            at, between = (one.pose_changes(some) for one in (self.settled, self.halfway))
+            for number in range(at.shape[2]):
+                state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
+                course = held_waves(whole.train, state, between[..., number], whole.theta, whole.period)
+                yield self.motion.share(state, course)
 
 
 def moving_reducer(
