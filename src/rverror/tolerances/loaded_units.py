@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -100,48 +100,19 @@ class _Closings:
     width: int  # contacts of an angle: pins, their ways along the profiles where these count, flanks and bearings
     matrix: Any  # sparse, shape (angles * width, components); mm per core unit
 
-    @property
-    def angles(self) -> int:
-        """Of the turn."""
-        return int(self.matrix.shape[0]) // self.width
-
-    @cached_property
-    def _by_component(self) -> Any:
-        """The same entries, from all contacts of an angle to each component, (angles * components, angles * width)."""
-        entries, count = self.matrix.tocoo(), self.matrix.shape[1]
-        contact, component = entries.coords
-        shape, place = (self.angles * count, self.matrix.shape[0]), contact // self.width * count + component
-        return _compact(scipy.sparse.csr_array((entries.data, (place, contact)), shape=shape))
-
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
-        if self._most(places):
-            return np.asarray((self.matrix @ values).reshape(-1, self.width)[places], dtype=np.float64)
         return np.asarray((self.matrix[self._rows(places)] @ values).reshape(-1, self.width), dtype=np.float64)
 
     def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        if self._most(places):
-            everywhere = np.zeros((self.angles, self.width))
-            everywhere[places] = forces
-            return np.asarray((self._by_component @ everywhere.ravel()).reshape(self.angles, -1)[places])
         own = np.arange(0, forces.size + 1, self.width, dtype=np.int32)  # of each angle its own contacts
         shape = places.size, self.matrix.shape[0]
         forced = scipy.sparse.csr_array((forces.ravel(), self._rows(places), own), shape=shape)
         return np.asarray((forced @ self.matrix).toarray(), dtype=np.float64)
 
-    def _most(self, places: Integers) -> bool:
-        """Whether all angles are multiplied sooner than some of them are picked."""
-        return bool(2 * places.size > self.angles)
-
     def _rows(self, places: Integers) -> npt.NDArray[np.int32]:
         return np.asarray((places[:, None] * self.width + np.arange(self.width)).ravel(), dtype=np.int32)
-
-
-def _compact(matrix: Any) -> Any:
-    """The same sparse matrix with indices of 32 bits, which a product reads a quarter sooner."""
-    matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    return matrix
 
 
 @dataclass(frozen=True)
@@ -175,9 +146,7 @@ class LoadedTurn:
         geometry, count = Geometry(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
         beyond, yielding = np.zeros((count, angles)), []
-        rows: list[Integers] = []
-        columns: list[Integers] = []
-        sizes: list[Array] = []
+        rows, columns, sizes = [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0)]
         slides = model.mechanism.contact_law.profile_curvature > 0
         width, number = _numbered(model.mechanism, len(geometry.sparse[1]), angles, slides=slides)
         for one in every:
@@ -205,9 +174,10 @@ class LoadedTurn:
                         rows.append(at[some])
                         columns.append(np.full(rows[-1].size, component))
                         sizes.append(size[some])
-        shape = (angles * width, count)
-        place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
-        matrix = _compact(scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape))
+        place = np.concatenate(rows), np.concatenate(columns)
+        matrix = scipy.sparse.csr_array((np.concatenate(sizes), place), shape=(angles * width, count))
+        # with indices of 32 bits, which a product reads a quarter sooner
+        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
         closings = _Closings(width, matrix)
         nominal = added((model if reads else unread(model)).effects, where.read)
         return cls(model, geometry, closings, tuple(yielding), nominal, beyond)
@@ -420,6 +390,7 @@ class LoadedUnits:
     means: Array
     limits: tuple[Limit, ...]
     direction: float
+    _lines: dict[tuple[float | TorqueLaw, float, int], LoadedTurn] = field(default_factory=dict, repr=False, init=False)
 
     def solved(
         self,
@@ -543,10 +514,6 @@ class LoadedUnits:
                 self.model, instances_of(self.stack), angles=angles, direction=direction, torque=torque, reads=reads
             )
         return self._lines[name]
-
-    @cached_property
-    def _lines(self) -> dict[tuple[float | TorqueLaw, float, int], LoadedTurn]:
-        return {}
 
 
 def _middle(places: Integers, poses: Array, more: Integers) -> Array:
