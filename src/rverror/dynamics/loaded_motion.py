@@ -83,14 +83,14 @@ class LoadedMotion:
         """Force of the parts' inertia against a course in their frames, (size, n), per speed squared."""
         turns, step = self.train.turns[:, None], 2 * math.pi / self.period
         first, second = (slope(course, step, power) for power in (1, 2))
-        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * course
+        acceleration = second + 2 * turns * (self.train.quarter_turn @ first) - turns**2 * course
         return np.asarray(-self.train.mass[:, None] * acceleration)
 
     @cached_property
     def swing_force(self) -> Array:
         """Force of the parts' inertia per rad/s^2 of the output as the nominal motion is sped up, (size, n)."""
         turns = self.train.turns[:, None]
-        swing = slope(self.course, 2 * math.pi / self.period) + turns * _ahead(self.train, self.course)
+        swing = slope(self.course, 2 * math.pi / self.period) + turns * (self.train.quarter_turn @ self.course)
         return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
     def reduced(self, kept: int) -> ReducedMotion:
@@ -146,7 +146,7 @@ class ReducedMotion:
         return Oscillator(
             stiffness=_samples_last(self.stiffness),
             damping=_samples_last(damping),
-            turning=2 * weighted.T @ _ahead(train, turns * self.basis),
+            turning=2 * weighted.T @ train.quarter_turn @ (turns * self.basis),
             centrifugal=-weighted.T @ (turns**2 * self.basis),
             period=self.whole.period,
         )
@@ -282,7 +282,7 @@ def held_waves(train: Train, state: Array, between: Array, theta: Array, period:
 def in_frames(train: Train, rows: Array, theta: Array) -> Array:
     """Rows of coordinates in the housing frame, (size, n), in those of the parts."""
     angle = train.turns[:, None] * theta
-    return np.cos(angle) * rows - np.sin(angle) * _ahead(train, rows)
+    return np.cos(angle) * rows - np.sin(angle) * (train.quarter_turn @ rows)
 
 
 def _turned(train: Train, matrix: Array, theta: Array) -> Array:
@@ -291,20 +291,9 @@ def _turned(train: Train, matrix: Array, theta: Array) -> Array:
     cos, sin = np.cos(angle), np.sin(angle)
 
     def rows(matrix: Array) -> Array:
-        ahead = np.moveaxis(_ahead(train, np.moveaxis(matrix, 1, 0)), 0, 1)
-        return cos[..., None] * matrix - sin[..., None] * ahead
+        return np.asarray(cos[..., None] * matrix - sin[..., None] * (train.quarter_turn @ matrix))
 
     return rows(np.swapaxes(rows(matrix), 1, 2))
-
-
-def _ahead(train: Train, rows: Array) -> Array:
-    """Rows of coordinates, each pair of x and y turned a quarter ahead: (-y, x); 0 for angles."""
-    made = np.zeros_like(rows)
-    for part in train.parts:
-        if part.mass:
-            x, y = part.at[:2]
-            made[x], made[y] = -rows[y], rows[x]
-    return made
 
 
 def _centres(train: Train) -> Array:
@@ -320,7 +309,7 @@ def _centres(train: Train) -> Array:
 
 def _nominal_rate(train: Train) -> Array:
     """Rate of the nominal motion per unit of speed, in the frames of the parts, (size,)."""
-    rate, turns = train.turns * _ahead(train, _centres(train)), frame_orders(train.reducer)
+    rate, turns = train.turns * (train.quarter_turn @ _centres(train)), frame_orders(train.reducer)
     for part in train.parts:
         if part.inertia:
             kind = {"input": "sun", "load": "carrier"}.get(part.name, part.name.split()[0])

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import scipy
@@ -85,7 +84,7 @@ def match(
     lot = _lot_of(model, parts, turns=turns, seed=seed)
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
-    units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
+    units = UnitsAtLoad(model, lot.columns.components, check_limits(limits, model.mechanism))
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
@@ -144,14 +143,9 @@ class _PartsAtPlaces:
         """Parts, or kits, for each place."""
         return [*map(len, self.parts), *([len(self.kits)] if self.rollers else [])]
 
-    @property
-    def components(self) -> Any:
-        """Of all errors."""
-        return self.columns.components
-
     def values(self, assembly: Assembly, rollers: Integers | None = None) -> Array:
         """Components of units, shape (units, components); their rollers by groove, where not as the kits have them."""
-        total = np.zeros((len(assembly.part), len(self.components)))
+        total = np.zeros((len(assembly.part), len(self.columns.components)))
         for place in range(len(self.parts)):
             total += self.columns.values(place, assembly.part[:, place], assembly.turn[:, place])
         if len(self.kits):
@@ -371,10 +365,9 @@ class _AtLoad:
                     waves = replace(waves, doubt=max(float(difference.std()), 1e-3))
                 gain = waves.hard(errors) - waves.hard(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
-                better = (np.bincount(circle, gain) > 1e-3)[circle, None]
-                kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
-                built = _Built(kept, np.where(better, turns, built.turns))
-                moved = changed[better[changed, 0]]
+                better = (np.bincount(circle, gain) > 1e-3)[circle]
+                built = _Built(old.with_some(new, better), np.where(better[:, None], turns, built.turns))
+                moved = changed[better[changed]]
                 residual[moved] = self.residual(waves, built, moved)
                 idle = 0 if moved.size else idle
         return built

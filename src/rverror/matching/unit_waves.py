@@ -44,6 +44,11 @@ class Assembly:
         """Some of the units."""
         return Assembly(self.part[rows], self.turn[rows])
 
+    def with_some(self, other: Assembly, better: Flags) -> Assembly:
+        """These units, and those of another assembly where these are better."""
+        chosen = better[:, None]
+        return Assembly(np.where(chosen, other.part, self.part), np.where(chosen, other.turn, self.turn))
+
     def names(self) -> list[tuple[int, ...]]:
         """Parts of each unit, then their turns."""
         return [tuple(row) for row in np.concatenate([self.part, self.turn], axis=1).tolist()]
@@ -86,6 +91,11 @@ class UnitWaves:
     def most(self) -> int:
         """Units that the numbers of parts allow."""
         return min(self.sizes[pool] // self.pools.count(pool) for pool in self.sizes)
+
+    @cached_property
+    def _alike(self) -> list[tuple[int, int]]:
+        """Pairs of places that take their parts from one pool."""
+        return [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
 
     def errors(self, waves: Array) -> Array:
         """Largest section of each wave, over the limit, shape (...)."""
@@ -164,12 +174,11 @@ class UnitWaves:
         """
         starts = max(_STARTS, _SMALL // self.most)
         best = self._descended(self.shuffled(rng))
-        alike = [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
         for start in range(1, starts):
             if progress is not None:
                 progress(f"assemblies: start {start + 1} of {starts}")
             initial = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
-            for pair in alike:
+            for pair in self._alike:
                 some = rng.random(len(initial.part)) < 0.5
                 initial.part[:, pair] = np.where(some[:, None], initial.part[:, pair[::-1]], initial.part[:, pair])
             found = self._descended(initial)
@@ -182,9 +191,8 @@ class UnitWaves:
     def _descended(self, assembly: Assembly) -> Assembly:
         count, now = len(self.parts), self._total(assembly)
         some = [few for size in (1, 2) if 2 * size <= count for few in combinations(range(count), size)]
-        alike = [(a, b) for a, b in combinations(range(count), 2) if self.pools[a] == self.pools[b]]
         for _ in range(_SWEEPS):
-            for pair in alike:
+            for pair in self._alike:
                 assembly = self._exchanged(assembly, pair)
             for few in some:
                 assembly = self.assigned(assembly, few)
@@ -198,13 +206,7 @@ class UnitWaves:
         other = Assembly(assembly.part.copy(), assembly.turn.copy())
         other.part[:, pair] = assembly.part[:, pair[::-1]]
         other.turn[:, pair] = 0
-        better = self.errors(self.whole(other)) < self.errors(self.whole(assembly)) - 1e-9
-        return Assembly(
-            *(
-                np.where(better[:, None], new, old)
-                for new, old in ((other.part, assembly.part), (other.turn, assembly.turn))
-            )
-        )
+        return assembly.with_some(other, self.errors(self.whole(other)) < self.errors(self.whole(assembly)) - 1e-9)
 
     def turned(self, assembly: Assembly) -> Assembly:
         """Each part of a unit turned where the unit's error is least, a place after another."""
