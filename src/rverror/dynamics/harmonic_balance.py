@@ -167,19 +167,12 @@ class _Balance:
     speed: float
 
     @cached_property
-    def _steady(self) -> tuple[Array, Array]:
-        """Centrifugal stiffness and Coriolis damping, (m, m)."""
-        _, vector = self.system.mean_modes
-        return (
-            vector.T @ (self.speed**2 * self.system.centrifugal) @ vector,
-            vector.T @ (self.speed * self.system.turning) @ vector,
-        )
-
-    @cached_property
     def _both(self) -> Array:
-        """Stiffness and damping side by side, (m, 2 m, n)."""
-        pairs = zip(self.system.in_mean_modes, self._steady, strict=True)
-        return np.concatenate([one + more[..., None] for one, more in pairs], axis=1)
+        """Stiffness and damping side by side, with what the turning adds, (m, 2 m, n)."""
+        _, vector = self.system.mean_modes
+        steady = self.speed**2 * self.system.centrifugal, self.speed * self.system.turning
+        pairs = zip(self.system.in_mean_modes, steady, strict=True)
+        return np.concatenate([one + (vector.T @ more @ vector)[..., None] for one, more in pairs], axis=1)
 
     @cached_property
     def _rate(self) -> npt.NDArray[np.complex128]:

@@ -15,6 +15,7 @@ from rverror.geartrain.source import (
     Orders,
     Source,
     around,
+    bearing_compliance_orders,
     bore_orders,
     chosen,
     clearance,
@@ -22,7 +23,6 @@ from rverror.geartrain.source import (
     leads,
     lengths,
     or_all,
-    pin_wave_orders,
     rv,
 )
 
@@ -148,10 +148,6 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (unit.cranks * fundamental_orders(unit)["bearing"],)
 
 
-def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return pin_wave_orders(mechanism, {}) if indices["crank"] == "all" else bore_orders(mechanism, {})
-
-
 SOURCES = (
     Source(
         CARRIER_BORE, carrier_bore_position, (CRANK,),
@@ -172,7 +168,7 @@ SOURCES = (
     Source(
         "coupling.bearing_compliance", bearing_compliance, (or_all(CRANK),),
         compliances(3, "compliance"),
-        "bearing", _with_one_disc(_compliance_orders), "001, K x = F + E",
+        "bearing", _with_one_disc(bearing_compliance_orders), "001, K x = F + E",
         "crank bearing in the carrier softer than nominal",
         needs=("torque",), tried=False,
         equation=r"$\delta = -e\, f_j$",

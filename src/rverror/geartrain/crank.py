@@ -18,7 +18,7 @@ from rverror.geartrain.source import (
     Indices,
     Source,
     angles,
-    bore_orders,
+    bearing_compliance_orders,
     chosen,
     clearance,
     compliances,
@@ -26,7 +26,6 @@ from rverror.geartrain.source import (
     leads,
     lengths,
     or_all,
-    pin_wave_orders,
     rv,
 )
 
@@ -197,13 +196,6 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
 
 
-def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """All bearings of a disc, or of a crank, even the turning force out but for the ripple of the pins."""
-    if "all" in indices.values():
-        return pin_wave_orders(mechanism, {})
-    return bore_orders(mechanism, {})
-
-
 SOURCES = (
     Source(
         ECCENTRICITY, eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
@@ -220,7 +212,7 @@ SOURCES = (
         "crank.bearing_compliance", bearing_compliance,
         (or_all(CRANK), or_all(DISC)),
         compliances(3, "compliance"),
-        "bearing", _compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
+        "bearing", bearing_compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
         needs=("torque",), starts=EITHER_WAY,
         equation=r"$\delta = -e\, f_{kj}$",
     ),

@@ -440,3 +440,8 @@ def pin_wave_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     waves = [abs(wave + m * unit.pins) for m in range(-unit.discs, unit.discs + 1)]
     kept = [w for w in waves if w % unit.discs == 0 and w > 0]
     return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()
+
+
+def bearing_compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All bearings of a crank, a disc or the carrier even the turning force out but for the ripple of the pins."""
+    return pin_wave_orders(mechanism, {}) if "all" in indices.values() else bore_orders(mechanism, {})
