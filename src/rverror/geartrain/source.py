@@ -39,12 +39,10 @@ class Known(Protocol):
     @property
     def time(self) -> Array | None:
         """Time of each sample, s."""
-        ...
 
     @property
     def torque(self) -> object:
         """Size of the output torque, N*mm, or what it is over the angle."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -543,17 +543,14 @@ class Settled(OneLine):
         """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
         solution, rows = self.solution, [np.zeros((0, len(self.solution.x)))]
         changes = by_contact(self.reducer, pin=solution.pin_change, row=solution.row_change)
+        changes["along"] = solution.slide_change
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
                 rows.append(self.yielding(closings))
                 continue
-            parts = []
-            for one in closings:
-                here = (slice(None), *one.error.at)
-                parts.append(_work(one.across, changes[one.contact][here]))
-                if self.problem.share and one.contact == "pin":
-                    parts.append(_work(one.along, solution.slide_change[here]))
+            acting = [one for one in closings if self.problem.share or not one.slides]
+            parts = [_work(one.rows, changes[one.contact][one.at]) for one in acting]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 

@@ -163,17 +163,14 @@ class LoadedTurn:
             if isinstance(parts, (Clearance, Compliance)):
                 yielding.append((parts, one))
                 continue
-            for part in parts:
-                closed = [(number[part.contact], part.across)]
-                closed += [(number["along"], part.along)] if slides and part.contact == "pin" else []
-                for places, sizes_of in closed:
-                    at = places[(slice(None), *part.error.at)]
-                    for parameter, component in one.at:
-                        size = np.broadcast_to(sizes_of[parameter], at.shape)
-                        some = size != 0
-                        rows.append(at[some])
-                        columns.append(np.full(rows[-1].size, component))
-                        sizes.append(size[some])
+            for part in (part for part in parts if slides or not part.slides):
+                at = number[part.contact][part.at]
+                for parameter, component in one.at:
+                    size = np.broadcast_to(part.rows[parameter], at.shape)
+                    some = size != 0
+                    rows.append(at[some])
+                    columns.append(np.full(rows[-1].size, component))
+                    sizes.append(size[some])
         place = np.concatenate(rows), np.concatenate(columns)
         matrix = scipy.sparse.csr_array((np.concatenate(sizes), place), shape=(angles * width, count))
         # with indices of 32 bits, which a product reads a quarter sooner
