@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -192,12 +191,9 @@ class UnitsAtLoad:
         return Stack(np.zeros(1), none, self.components, entry, np.ones(len(keys)), tuple(keys), ())
 
     @cached_property
-    def _solvers(self) -> tuple[LoadedUnits, ...]:
-        means = np.zeros(len(self.components))
-        found = [LoadedUnits(self.model, self._stack, means, self.limits, 1.0)]
-        if errors := tuple(one for one in self.limits if not one.loads):
-            found.append(LoadedUnits(self.model, self._stack, means, errors, -1.0))
-        return tuple(found)
+    def _solver(self) -> LoadedUnits:
+        limits, directions = zip(*((one.limit, one.direction) for one in self.quantities), strict=True)
+        return LoadedUnits(self.model, self._stack, np.zeros(len(self.components)), limits, directions)
 
     def solved(self, values: Array, *, progress: Callable[[int], None] | None = None) -> Array:
         """Turn of each quantity, rad, shape (units, quantities), by the equilibrium; infinite where there is none.
@@ -206,23 +202,17 @@ class UnitsAtLoad:
         ----------
         values : ndarray, shape (units, components)
         progress : callable, optional
-            Called with the number of a unit as it is done in one direction.
+            Called with the number of a unit as it is done.
         """
-        ones = np.ones(len(self._stack.width))
-        found = [solver.solved(values, ones, progress=progress).turns for solver in self._solvers]
-        return np.concatenate(found, axis=1)
+        return self._solver.solved(values, np.ones(len(self._stack.width)), progress=progress).turns
 
     @cached_property
     def _lines(self) -> tuple[tuple[tuple[LoadedTurn, float], ...], ...]:
         """Motions of each quantity and their weights."""
-        line = self._solvers[0].line
         return tuple(
-            ((line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
+            ((self._solver.line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
             if one.span
-            else tuple(
-                (line(abs(load), -math.copysign(1.0, load), POSITIONS, reads=False), weight)
-                for load, weight in one.limit.loads
-            )
+            else tuple(self._solver.between(one.limit))
             for one in self.quantities
         )
 

@@ -212,8 +212,9 @@ class Wear(Viewed):
         """
         if not self.hours[0] <= hours <= self.hours[-1]:
             raise ValueError(f"hours = {hours:g}: must lie within 0 to {self.hours[-1]:g}, which were computed")
-        row = np.array([np.interp(hours, self.hours, column) for column in self.sizes.T])
-        return self.model.with_effects(*_with_sizes(self.effects, row))
+        sizes = iter([float(np.interp(hours, self.hours, column)) for column in self.sizes.T])
+        worn = [replace(one, values=tuple(next(sizes) for _ in one.values)) for one in self.effects]
+        return self.model.with_effects(*worn)
 
 
 @renamed(speed="input_speed")
@@ -658,13 +659,6 @@ def _states(
             first, approach, swing = solved(x)
             at, steps = (end if count == 1 else at + step), steps + 1
         yield wearing.lost(x), swing
-
-
-def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:
-    """The same effects of other sizes."""
-    stops = np.cumsum([len(one.values) for one in effects])
-    parts = zip(effects, np.split(sizes, stops[:-1]), strict=True)
-    return tuple(replace(one, values=tuple(map(float, part))) for one, part in parts)
 
 
 #: What may be fitted.

@@ -378,15 +378,15 @@ class LoadedUnits:
         Of the components, core units.
     limits : tuple of Limit
         With their torques.
-    direction : float
-        +1 forward, -1 reverse: of the transmission error.
+    directions : tuple of float
+        Of each limit +1 forward, -1 reverse: of the transmission error.
     """
 
     model: Model
     stack: Stack
     means: Array
     limits: tuple[Limit, ...]
-    direction: float
+    directions: tuple[float, ...]
     _lines: dict[tuple[float | TorqueLaw, float, int], LoadedTurn] = field(default_factory=dict, repr=False, init=False)
 
     def solved(
@@ -432,8 +432,8 @@ class LoadedUnits:
                 return [
                     self._between(one, values[number], slopes=slopes, near=first)
                     if one.loads
-                    else self._span(one, values[number], slopes=slopes, decide=decide, near=first)
-                    for one, first in zip(self.limits, poses, strict=True)
+                    else self._span(one, way, values[number], slopes=slopes, decide=decide, near=first)
+                    for one, way, first in zip(self.limits, self.directions, poses, strict=True)
                 ]
             except NotConvergedError as problem:
                 return f"unit {number}: {problem}"
@@ -461,7 +461,7 @@ class LoadedUnits:
         return Solved(largest.max(axis=2), failures, largest, slope, poses)
 
     def _span(
-        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
+        self, limit: Limit, direction: float, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
     ) -> _LargestTurns:
         """Turns between the highest and the lowest places of a revolution.
 
@@ -469,7 +469,7 @@ class LoadedUnits:
         angles miss the peaks, of what it rides on they do not.
         """
         assert limit.torque is not None
-        line = self.line(limit.torque, self.direction, FINE, reads=True)
+        line = self.line(limit.torque, direction, FINE, reads=True)
         first = line.state(values, near=None if near is None else near[0])
         places, poses, output = first.places, first.solution.x, line.read(first, values)
         for halving, count in enumerate(_HALVED, 1):
@@ -492,16 +492,21 @@ class LoadedUnits:
         return _LargestTurns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
 
     def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _LargestTurns:
-        """Turns between torques at the angles where they are largest; a torque drives the output against the motion."""
-        total = np.zeros(POSITIONS)
-        states = []
-        for number, (torque, weight) in enumerate(limit.loads):
-            line = self.line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False)
-            states.append((line.state(values, near=None if near is None else near[number]), weight))
-            total += weight * line.read(states[-1][0], values)
+        """Turns between torques at the angles where they are largest."""
+        starts = near or [None] * len(limit.loads)
+        lines = zip(self.between(limit), starts, strict=True)
+        states = [(line.state(values, near=first), weight) for (line, weight), first in lines]
+        total = np.sum([weight * state.line.read(state, values) for state, weight in states], axis=0)
         largest = np.argsort(-total)[: _KEPT if slopes else 1]
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
         return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
+
+    def between(self, limit: Limit) -> list[tuple[LoadedTurn, float]]:
+        """Turns under each of a limit's torques with its weight; a torque drives the output against the motion."""
+        return [
+            (self.line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False), weight)
+            for torque, weight in limit.loads
+        ]
 
     def line(self, torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
         """Turn under one torque, prepared once; `reads` tells whether what only misreads the output counts."""
