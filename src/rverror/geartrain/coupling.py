@@ -18,7 +18,6 @@ from rverror.geartrain.source import (
     bearing_compliance_orders,
     bore_orders,
     chosen,
-    clearance,
     compliances,
     leads,
     lengths,
@@ -158,7 +157,7 @@ SOURCES = (
         starts=around(0.17),
     ),
     Source(
-        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
         "bearing", _with_one_disc(_clearance_orders), "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
         starts=OPENS,

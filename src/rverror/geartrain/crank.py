@@ -20,7 +20,6 @@ from rverror.geartrain.source import (
     angles,
     bearing_compliance_orders,
     chosen,
-    clearance,
     compliances,
     constant,
     leads,
@@ -203,7 +202,7 @@ SOURCES = (
         equation=r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
     ),
     Source(
-        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",

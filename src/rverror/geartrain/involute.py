@@ -15,7 +15,6 @@ from rverror.geartrain.source import (
     Source,
     around,
     chosen,
-    clearance,
     compliances,
     constant,
     every,
@@ -423,7 +422,7 @@ SOURCES = (
         hidden="sets the place of the loaded flank only; which gear lost the tooth is never visible",
     ),
     Source(
-        SPLINE_CLEARANCE, spline_clearance, (CRANK,), clearance(100),
+        SPLINE_CLEARANCE, spline_clearance, (CRANK,), lengths(100, "clearance", least=0.0),
         "direction", constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
         needs=("spline_radius",),
         equation=r"$\delta = \pm e / (2 r_s)$, an angle",

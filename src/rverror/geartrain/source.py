@@ -387,14 +387,9 @@ def axes_and_corners(share: float, count: int) -> tuple[tuple[float, ...], ...]:
 EITHER_WAY, OPENS = ((0.2,), (-0.2,)), ((0.1,), (0.3,))
 
 
-def lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
-    """Parameters that are lengths."""
-    return tuple(Parameter(name, "length", plausible_um * 1e-3) for name in names)
-
-
-def clearance(plausible_um: float) -> tuple[Parameter, ...]:
-    """A clearance, which cannot be below nothing."""
-    return (Parameter("clearance", "length", plausible_um * 1e-3, least=0.0),)
+def lengths(plausible_um: float, *names: str, least: float = -math.inf) -> tuple[Parameter, ...]:
+    """Parameters that are lengths; of a clearance none can be below nothing."""
+    return tuple(Parameter(name, "length", plausible_um * 1e-3, least) for name in names)
 
 
 def compliances(plausible_um_per_kn: float, *names: str) -> tuple[Parameter, ...]:

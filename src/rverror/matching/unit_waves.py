@@ -258,14 +258,15 @@ class UnitWaves:
         way, cost = errors.argmin(axis=0), self.cost(errors.min(axis=0))
         if known is not None:
             cost += _CHANGE
-            solved = _by_rest(known, one, len(self.parts))
-            for number, name in enumerate(assembly.names()):
-                for of, turned, error in solved.get(_rest(name, one, len(self.parts)), ()):
-                    for column in np.flatnonzero(offered == of):
-                        as_it_is = (of, turned) == (part[number, one], turn[number, one])
-                        if as_it_is or way[number, column] == turned:
-                            way[number, column] = turned
-                            cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
+            count = len(self.parts)
+            units = {_rest(name, one, count): number for number, name in enumerate(assembly.names())}
+            for name, error in known.items():
+                number, of, turned = units.get(_rest(name, one, count)), name[one], name[count + one]
+                for column in [] if number is None else np.flatnonzero(offered == of):
+                    as_it_is = (of, turned) == (part[number, one], turn[number, one])
+                    if as_it_is or way[number, column] == turned:
+                        way[number, column] = turned
+                        cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
         unit, chosen = scipy.optimize.linear_sum_assignment(cost)
         if len(places) > 1:
             part[:, places], turn[:, places] = part[np.ix_(chosen, places)], turn[np.ix_(chosen, places)]
@@ -360,13 +361,3 @@ def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Integers) -> tupl
 def _rest(name: tuple[int, ...], place: int, count: int) -> tuple[int, ...]:
     """Name of a unit without its part at one place."""
     return tuple(number for at, number in enumerate(name) if at % count != place)
-
-
-def _by_rest(
-    known: Mapping[tuple[int, ...], float], place: int, count: int
-) -> dict[tuple[int, ...], list[tuple[int, int, float]]]:
-    """Parts at one place, their turns and the unit's true error, by the rest of the unit."""
-    found: dict[tuple[int, ...], list[tuple[int, int, float]]] = {}
-    for name, error in known.items():
-        found.setdefault(_rest(name, place, count), []).append((name[place], name[count + place], error))
-    return found
