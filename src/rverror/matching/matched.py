@@ -89,7 +89,8 @@ def match(
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
     price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
-    blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
+    numbers = [*map(len, lot.parts), *([len(lot.kits)] if lot.rollers else [])]
+    blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in numbers], lot.pools, ())
     drawn = [blank.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * blank.most), _RANDOM[1]) // blank.most))]
     together = Assembly(np.concatenate([one.part for one in drawn]), np.concatenate([one.turn for one in drawn]))
     random = at_load.built("units put together at random", together)
@@ -137,11 +138,6 @@ class _PartsAtPlaces:
     rollers: tuple[MeasuredPart, ...]  #: single ones and classes
     kits: Integers  #: (kits, pins): which of them, in arbitrary order
     notes: tuple[str, ...]
-
-    @property
-    def numbers(self) -> list[int]:
-        """Parts, or kits, for each place."""
-        return [*map(len, self.parts), *([len(self.kits)] if self.rollers else [])]
 
     def values(self, assembly: Assembly, rollers: Integers | None = None) -> Array:
         """Components of units, shape (units, components); their rollers by groove, where not as the kits have them."""

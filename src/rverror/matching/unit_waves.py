@@ -262,7 +262,9 @@ class UnitWaves:
             units = {_rest(name, one, count): number for number, name in enumerate(assembly.names())}
             for name, error in known.items():
                 number, of, turned = units.get(_rest(name, one, count)), name[one], name[count + one]
-                for column in [] if number is None else np.flatnonzero(offered == of):
+                if number is None:
+                    continue
+                for column in np.flatnonzero(offered == of):
                     as_it_is = (of, turned) == (part[number, one], turn[number, one])
                     if as_it_is or way[number, column] == turned:
                         way[number, column] = turned

@@ -493,7 +493,7 @@ class LoadedUnits:
 
     def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _LargestTurns:
         """Turns between torques at the angles where they are largest."""
-        starts = near or [None] * len(limit.loads)
+        starts: Sequence[Array | None] = near or [None] * len(limit.loads)
         lines = zip(self.between(limit), starts, strict=True)
         states = [(line.state(values, near=first), weight) for (line, weight), first in lines]
         total = np.sum([weight * state.line.read(state, values) for state, weight in states], axis=0)
