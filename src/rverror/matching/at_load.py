@@ -117,21 +117,19 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
     -----
     What turning does is linear, so each error of size 1 is mounted once in every way, and all parts follow.
     """
-    column: dict[tuple[str, frozenset[tuple[str, IndexValue]], str], int] = {}
-    components: list[Component] = []
+    known: dict[tuple[str, frozenset[tuple[str, IndexValue]], str], Component] = {}
+
+    def named(error: Effect) -> list[tuple[str, frozenset[tuple[str, IndexValue]], int]]:
+        return [(error.key, frozenset(error.indices.items()), p) for p in range(len(error.values))]
+
     built = []
     for place, parts in lots:
-        every = (
-            (e.key, frozenset(e.indices.items()), p)
-            for part in parts
-            for e in part.errors
-            for p in range(len(e.values))
-        )
-        terms = {term: number for number, term in enumerate(dict.fromkeys(every))}
+        every = dict.fromkeys(name for part in parts for error in part.errors for name in named(error))
+        terms = {term: number for number, term in enumerate(every)}
         sizes, sigmas = np.zeros((2, len(parts), len(terms)))
         for number, part in enumerate(parts):
             for error in part.errors:
-                own = [terms[error.key, frozenset(error.indices.items()), p] for p in range(len(error.values))]
+                own = [terms[name] for name in named(error)]
                 sizes[number, own], sigmas[number, own] = error.values, error.uncertainty or 0.0
         entries = []  # of `moved`: way, term, component, value
         for way, turn in enumerate(place.turns):
@@ -141,18 +139,18 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
                 (error,) = mounted(alone, reducer, place.number, turn)
                 for parameter, value in zip(source(key).parameters, error.values, strict=True):
                     name = (key, frozenset(error.indices.items()), parameter.name)
-                    if name not in column:
-                        column[name] = len(components)
-                        components.append(Component(key, error.indices, parameter.name, parameter.dimension))
-                    entries.append((way, number, column[name], value))
+                    known.setdefault(name, Component(key, error.indices, parameter.name, parameter.dimension))
+                    entries.append((way, number, name, value))
         built.append((sizes, sigmas, len(place.turns), entries))
-    moves = []
+    moves, column = [], {name: number for number, name in enumerate(known)}
     for sizes, _, ways, entries in built:
-        moved = np.zeros((ways, sizes.shape[1], len(components)))
-        for way, number, at_column, value in entries:
-            moved[way, number, at_column] += value
+        moved = np.zeros((ways, sizes.shape[1], len(known)))
+        for way, number, name, value in entries:
+            moved[way, number, column[name]] += value
         moves.append(moved)
-    return PlacedErrors(tuple(components), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves))
+    return PlacedErrors(
+        tuple(known.values()), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves)
+    )
 
 
 @dataclass(frozen=True)

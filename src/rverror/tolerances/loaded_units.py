@@ -422,43 +422,35 @@ class LoadedUnits:
         Solved
         """
         values = self.means + drawn * widths[self.stack.entry]
-
         before = near.poses if near is not None else ()
         none: _Poses = (None,) * len(self.limits)
+        largest = np.full((len(drawn), len(self.limits), _KEPT**2), -np.inf)
+        slope = np.zeros((*largest.shape, len(widths) if slopes else 0))
+        belongs = self.stack.entry[:, None] == np.arange(len(widths))
 
-        def unit(number: int) -> list[_LargestTurns] | str:
-            poses = before[number] if number < len(before) else none
+        def unit(number: int) -> tuple[_Poses, str]:
+            starts, poses = before[number] if number < len(before) else none, []
             try:
-                return [
-                    self._between(one, values[number], slopes=slopes, near=first)
-                    if one.loads
-                    else self._span(one, way, values[number], slopes=slopes, decide=decide, near=first)
-                    for one, way, first in zip(self.limits, self.directions, poses, strict=True)
-                ]
+                for place, (one, way, first) in enumerate(zip(self.limits, self.directions, starts, strict=True)):
+                    if one.loads:
+                        found = self._between(one, values[number], slopes=slopes, near=first)
+                    else:
+                        found = self._span(one, way, values[number], slopes=slopes, decide=decide, near=first)
+                    largest[number, place, : found.turns.size] = found.turns
+                    if slopes:
+                        slope[number, place, : found.turns.size] = (found.changes * drawn[number]) @ belongs
+                    poses.append(found.poses)
             except NotConvergedError as problem:
-                return f"unit {number}: {problem}"
+                largest[number] = np.inf
+                return none, f"unit {number}: {problem}"
             finally:
                 if progress is not None:
                     progress(number + 1)
+            return poses, ""
 
-        found = each(unit, range(len(drawn)))
-        kept = _KEPT**2
-        largest = np.full((len(drawn), len(self.limits), kept), -np.inf)
-        slope = np.zeros((len(drawn), len(self.limits), kept, len(widths))) if slopes else None
-        belongs = self.stack.entry[:, None] == np.arange(len(widths))
-        for number, rows in enumerate(found):
-            if isinstance(rows, str):
-                largest[number] = np.inf
-                continue
-            for place, (turns, changes, _) in enumerate(rows):
-                largest[number, place, : turns.size] = turns
-                if slope is not None:
-                    slope[number, place, : turns.size] = (changes * drawn[number]) @ belongs
-        failures = tuple(one for one in found if isinstance(one, str))
-        if not slopes:
-            return Solved(largest.max(axis=2), failures)
-        poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
-        return Solved(largest.max(axis=2), failures, largest, slope, poses)
+        poses, said = zip(*each(unit, range(len(drawn))), strict=True)
+        turns, failures = largest.max(axis=2), tuple(filter(None, said))
+        return Solved(turns, failures, largest, slope, poses) if slopes else Solved(turns, failures)
 
     def _span(
         self, limit: Limit, direction: float, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
