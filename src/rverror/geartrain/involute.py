@@ -216,13 +216,8 @@ def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorWaves
     here = only(crank)
     _, tangential = contacts.crank_directions
     # at the pitch point the planet's counter-clockwise tangent is -t, and the planet is the driven part: +t
-    return ErrorWaves(
-        contact="mesh",
-        phase=contacts.planet_phase[here, None],
-        harmonic=harmonic,
-        direction=tangential[here, None],
-        at=(here,),
-    )
+    phase, direction = contacts.planet_phase[here, None], tangential[here, None]
+    return ErrorWaves(contact="mesh", phase=phase, harmonic=harmonic, direction=direction, at=(here,))
 
 
 def tooth_thinning(contacts: Contacts, *, member: str) -> ErrorVector:

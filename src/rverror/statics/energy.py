@@ -344,6 +344,7 @@ def loaded_problem(
                 f"{contact}: compliances of {(least - 1) * unit:.4g} um/kN in all make a contact stiffer than rigid; "
                 f"they must be above {-unit:.4g} um/kN: make them less negative, or the declared stiffness lower"
             )
+    free = errors.clearance["cam"] - preload.crank_bearing, errors.clearance["carrier"] - preload.carrier_bearing
     load, push = np.zeros((sense.size, layout.size)), np.zeros(layout.size)
     load[:, 2], push[2] = -sense * torque, reducer.output_turn
     size = np.atleast_1d(np.asarray(torque, dtype=np.float64))
@@ -357,14 +358,7 @@ def loaded_problem(
         pin_error=errors.pin,
         slide_error=errors.along,
         row_error=errors.row - np.repeat([reducer.gear_backlash / 2, 0.0], [2 * cranks, len(kind) - 2 * cranks]),
-        clearance=np.repeat(
-            [
-                errors.clearance["cam"] - preload.crank_bearing,
-                errors.clearance["carrier"] - preload.carrier_bearing,
-                0.0,
-            ],
-            [cams, cranks, 2],
-        ),
+        clearance=np.repeat([*free, 0.0], [cams, cranks, 2]),
         pin_stiffness=declared[0] / soft[0],
         row_stiffness=declared[kind] / soft[1],
         kind=kind,

@@ -191,10 +191,8 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, O
         conditions["torque"] = unit.rated_torque
     where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
-    statics = replace(_along(where.gears), read_at=where.read.theta)
-    return statics, OperatingConditions(
-        **{field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
-    )
+    read = {field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
+    return replace(_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)
 
 
 def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics:
@@ -529,11 +527,9 @@ class Settled(OneLine):
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
         solution, along = self.solution, by_contact(self.reducer, pin=self.solution.pins, row=self._directions())
-        carried = self._vectors(*self._pressed_in())
+        carried, slides = self._vectors(*self._pressed_in()), solution.slide_change if self.problem.share else None
         return {
-            **self._vectors(
-                solution.pin_change, solution.row_change, solution.slide_change if self.problem.share else None
-            ),
+            **self._vectors(solution.pin_change, solution.row_change, slides),
             **{f"{key} direction": samples_last(along[key]) for key in BEARINGS},
             **{f"{key} carried": carried[key] for key in YIELDING},
             "output": np.ones((1, len(solution.x))),

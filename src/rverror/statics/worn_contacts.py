@@ -336,15 +336,12 @@ def wear(
     theta, told = np.asarray(turn * np.arange(angles) / angles), _row_of_hours(hours)
     whole, size = sum(one.hours for one in cycle), max(one.torque for one in works)
     # every side of every phase, the output's turn that one hour of the duty has of it, rad, and whether it is told
-    parts = [
-        (
-            statics_of(unit, OperatingConditions(theta, side, one.torque)),
-            3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides),
-            one.torque == size,
-        )
-        for one in works
-        for side in sides
-    ]
+    parts = []
+    for one in works:
+        turned = 3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides)
+        for side in sides:
+            statics = statics_of(unit, OperatingConditions(theta, side, one.torque))
+            parts.append((statics, turned, one.torque == size))
     worn, swings = zip(*_states(wearing, errors, parts, told), strict=True)
     rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size))
     effects = [wearing.effects(one) for one in worn]
@@ -608,10 +605,8 @@ def _by_phase(amount: Array, lead: Array) -> Array:
     at = np.mod(lead, 2 * math.pi).ravel() / _STEP - 0.5
     low = np.floor(at).astype(np.intp)
     share, size = at - low, amount.ravel()
-    return np.asarray(
-        np.bincount(low % _PHASES, (1 - share) * size, minlength=_PHASES)
-        + np.bincount((low + 1) % _PHASES, share * size, minlength=_PHASES)
-    )
+    beside, shares = np.concatenate([low, low + 1]) % _PHASES, np.concatenate([1 - share, share])
+    return np.asarray(np.bincount(beside, shares * np.tile(size, 2), minlength=_PHASES))
 
 
 _ORIGIN = "wear"

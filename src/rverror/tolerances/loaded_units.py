@@ -240,9 +240,8 @@ class LoadedTurn:
             clearance=clearance,
         )
         if problem.share:
-            problem = problem._replace(
-                slide_error=problem.slide_error + closed[:, count : 2 * count].reshape(pins.shape)
-            )
+            slides = closed[:, count : 2 * count].reshape(pins.shape)
+            problem = problem._replace(slide_error=problem.slide_error + slides)
         if any(isinstance(part, Compliance) for part, _ in self.yielding):
             problem = self._softened(problem, values, at)
         solution = solve(problem, near=near, response=response or self.idle)
