@@ -45,10 +45,8 @@ def slope(rows: Array, step: float, power: int = 1) -> Array:
     ndarray, shape (..., n)
     """
     count = rows.shape[-1]
-    waves = scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power
-    if power % 2 and count % 2 == 0:
-        waves[..., -1] = 0  # the shortest wave has no slope at its samples
-    return np.asarray(scipy.fft.irfft(waves, count))
+    # of the shortest wave, which has no slope at its samples, the inverse leaves an imaginary part out
+    return np.asarray(scipy.fft.irfft(scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power, count))
 
 
 @dataclass(frozen=True)

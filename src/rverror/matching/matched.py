@@ -144,10 +144,9 @@ class _PartsAtPlaces:
         total = np.zeros((len(assembly.part), len(self.columns.components)))
         for place in range(len(self.parts)):
             total += self.columns.values(place, assembly.part[:, place], assembly.turn[:, place])
-        if len(self.kits):
-            used = self.in_grooves(assembly) if rollers is None else rollers
-            for groove in range(used.shape[1]):
-                total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
+        used = self.in_grooves(assembly) if rollers is None else rollers
+        for groove in range(used.shape[1]):
+            total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
         return total
 
     def true(self, assembly: Assembly, rollers: Integers | None = None) -> tuple[Array, Array]:
@@ -157,8 +156,8 @@ class _PartsAtPlaces:
         return mean, np.asarray(np.sqrt(variance))
 
     def in_grooves(self, assembly: Assembly) -> Integers:
-        """Rollers in the grooves of each unit as its kit has them."""
-        return self.kits[assembly.part[:, -1]]
+        """Rollers in the grooves of each unit as its kit has them; in none where there are no kits."""
+        return self.kits[assembly.part[:, -1]] if self.rollers else np.empty((len(assembly.part), 0), np.intp)
 
     def waves(self, slope: Array, *, turned: bool) -> list[Array]:
         """Waves of the parts at every place."""
@@ -445,9 +444,7 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
             f"{row[worst] / ARCSEC:.4g} arcsec{known}, and {allowed[worst] / ARCSEC:.4g} are allowed; give a higher "
             "limit"
         )
-    grooves = None
-    if lot.rollers:
-        grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
+    grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
     units: list[MatchedUnit] = []
     for number in np.flatnonzero(good)[np.argsort(errors[good])]:
         parts, effects = [], list(lot.model.effects)
@@ -457,7 +454,7 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
             total = (turn + lot.before[part.serial]) % lot.reducer.cranks if place.kind == "disc" else turn
             parts.append(MountedPart(place.kind, place.number, part.serial, total))
             effects += mounted(part, lot.reducer, place.number, turn)
-        for pin, chosen in enumerate([] if grooves is None else grooves[number]):
+        for pin, chosen in enumerate(grooves[number]):
             parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))
             effects += lot.rollers[chosen].at(pin)
         built_so = replace(lot.model, effects=tuple(effects))

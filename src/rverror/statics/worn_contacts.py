@@ -558,35 +558,30 @@ class _Wearing:
 
     def effects(self, worn: _Worn) -> tuple[Effect, ...]:
         """What is worn as errors of the catalogue."""
-        patch = _waves_of(worn.pin) if self.fixed else np.zeros(_H.size)
-        told = {
-            LOBE_PROFILE: (_H, worn.lobes + patch, self._wears("disc") or (self._wears("pin") and self.fixed)),
-            DISC_PROFILE: (_SLOW, worn.slow, self.by.disc and self.errors),
-        }
-        made = [
-            effect(key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag), origin=_ORIGIN)
-            for key, (harmonics, discs, wears) in told.items()
-            if wears
-            for disc, waves in enumerate(discs)
-            for h, wave in zip(harmonics, waves, strict=True)
-        ]
-        if self._wears("pin") and not self.fixed:
-            made.append(effect(PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
-        if self.by.pin and not self.alike:
-            made += [
-                effect(PIN_RADIUS, pin=pin, deviation=-float(depth), origin=_ORIGIN)
-                for pin, depth in enumerate(worn.each_pin)
-            ]
+        made: list[Effect] = []
+
+        def add(wears: bool | float, key: str, **named: Any) -> None:
+            if wears:
+                made.append(effect(key, **named, origin=_ORIGIN))
+
+        lobes = worn.lobes + (_waves_of(worn.pin) if self.fixed else np.zeros(_H.size))
+        for key, harmonics, discs, wears in (
+            (LOBE_PROFILE, _H, lobes, self._wears("disc") or (self._wears("pin") and self.fixed)),
+            (DISC_PROFILE, _SLOW, worn.slow, self.by.disc and self.errors),
+        ):
+            for disc, waves in enumerate(discs):
+                for h, wave in zip(harmonics, waves, strict=True):
+                    add(wears, key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag))
+        add(self._wears("pin") and not self.fixed, PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]))
+        for pin, depth in enumerate(worn.each_pin):
+            add(self.by.pin and not self.alike, PIN_RADIUS, pin=pin, deviation=-float(depth))
         for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
-            if self._wears(member):
-                made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
-        gaining: tuple[tuple[str, float, list[dict[str, int]]], ...] = (
-            (BEARING_CLEARANCE, self.by.cam_bearing, [{}]),
-            (CARRIER_CLEARANCE, self.by.carrier_bearing, [{}]),
-            (SPLINE_CLEARANCE, self.by.spline, [{"crank": crank} for crank in range(self.reducer.cranks)]),
-        )
-        for (key, gains, places), size in zip(gaining, worn.joints.tolist(), strict=True):
-            made += [effect(key, clearance=size, origin=_ORIGIN, **at) for at in places if gains]
+            add(self._wears(member), TOOTH_THINNING, member=member, thinning=float(size))
+        cam, carrier, spline = worn.joints.tolist()
+        add(self.by.cam_bearing, BEARING_CLEARANCE, clearance=cam)
+        add(self.by.carrier_bearing, CARRIER_CLEARANCE, clearance=carrier)
+        for crank in range(self.reducer.cranks):
+            add(self.by.spline, SPLINE_CLEARANCE, crank=crank, clearance=spline)
         return tuple(made)
 
     def deepest(self, worn: _Worn) -> float:
