@@ -192,7 +192,7 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, O
     where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
     read = {field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
-    return replace(_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)
+    return replace(statics_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)
 
 
 def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics:
@@ -216,10 +216,10 @@ def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics
     reducer_of(mechanism)
     where = motion(mechanism, conditions)
     assert isinstance(where, Contacts)
-    return _along(where)
+    return statics_along(where)
 
 
-def _along(where: Contacts) -> Statics:
+def statics_along(where: Contacts) -> Statics:
     """Statics along a motion under its torque."""
     if where.load is not None:
         return Statics(Geometry(where), where.reducer, np.abs(where.load))
@@ -279,6 +279,16 @@ class Statics:
         """Nominal motion."""
         return self.contacts.motion
 
+    @property
+    def idle(self) -> bool:
+        """Whether the load vanishes."""
+        return not np.any(self.torque)
+
+    def problem(self, effects: tuple[Effect, ...], *, response: bool) -> Problem:
+        """Equilibrium with these errors, of which those count that the contacts feel."""
+        load = carried_torque(self.reducer, self.torque)
+        return loaded_problem(self.contacts, self.reducer, felt(effects), load, response=response or self.idle)
+
     def elastic(self, reducer: Reducer) -> Statics:
         """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
 
@@ -322,16 +332,14 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        idle = not isinstance(self.torque, np.ndarray) and not self.torque
-        torque = carried_torque(self.reducer, self.torque)
         try:
-            problem = loaded_problem(self.contacts, self.reducer, felt(effects), torque, response=response or idle)
+            problem = self.problem(effects, response=response)
         except ValueError as error:
             raise NotConvergedError(str(error)) from error
-        solution = solve(problem, near=start, response=response or idle)
-        check_found(solution, self.motion.theta, idle=idle)
+        solution = solve(problem, near=start, response=response or self.idle)
+        check_found(solution, self.motion.theta, idle=self.idle)
         found = Settled(self.contacts, self.reducer, problem, solution)
-        return found.unloaded() if idle else found
+        return found.unloaded() if self.idle else found
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""

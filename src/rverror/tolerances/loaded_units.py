@@ -28,9 +28,9 @@ from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.readings import added, felt, stand, unread
-from rverror.statics.energy import Geometry, by_contact, loaded_problem, solve
-from rverror.statics.loaded_state import NotConvergedError, Settled, carried_torque, check_found
+from rverror.model.readings import added, stand, unread
+from rverror.statics.energy import by_contact, solve
+from rverror.statics.loaded_state import NotConvergedError, Settled, Statics, check_found, statics_along
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
@@ -119,8 +119,8 @@ class _Closings:
 class LoadedTurn:
     """Even angles of a turn in one direction under one torque, and what the components do there."""
 
-    model: Model
-    geometry: Geometry
+    statics: Statics
+    effects: tuple[Effect, ...]  # of the declared model
     closings: _Closings
     yielding: tuple[tuple[Clearance | Compliance, Instance], ...]
     nominal: Array  # (n,), rad: what the declared model adds beyond the contacts
@@ -142,13 +142,12 @@ class LoadedTurn:
         load = torque_or_load(torque if callable(torque) else InCore(torque))
         where = stand(model, pose(model.mechanism, theta, direction=direction, **load))
         assert isinstance(where.gears, Contacts)
-        assert isinstance(model.mechanism, Reducer)
-        geometry, count = Geometry(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
+        statics, count = statics_along(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
         beyond, yielding = np.zeros((count, angles)), []
         rows, columns, sizes = [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0)]
-        slides = model.mechanism.contact_law.profile_curvature > 0
-        width, number = _numbered(model.mechanism, len(geometry.sparse[1]), angles, slides=slides)
+        slides = statics.reducer.contact_law.profile_curvature > 0
+        width, number = _numbered(statics.reducer, len(statics.contacts.sparse[1]), angles, slides=slides)
         for one in every:
             acts = source(one.key).acts
             if acts not in counted:
@@ -159,7 +158,7 @@ class LoadedTurn:
                 for parameter, component in one.at:
                     beyond[component] += vector.vector[parameter, 0]
                 continue
-            parts = geometry.closings(one.unit)
+            parts = statics.contacts.closings(one.unit)
             if isinstance(parts, (Clearance, Compliance)):
                 yielding.append((parts, one))
                 continue
@@ -177,35 +176,12 @@ class LoadedTurn:
         matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
         closings = _Closings(width, matrix)
         nominal = added((model if reads else unread(model)).effects, where.read)
-        return cls(model, geometry, closings, tuple(yielding), nominal, beyond)
-
-    @property
-    def reducer(self) -> Reducer:
-        """Of the model."""
-        assert isinstance(self.model.mechanism, Reducer)
-        return self.model.mechanism
-
-    @property
-    def torque(self) -> float | Array:
-        """Size on the output, at each angle where it changes, N*mm; 0 for a vanishing load."""
-        where = self.geometry.motion
-        return where.torque or 0.0 if where.load is None else np.abs(where.load)
-
-    @cached_property
-    def idle(self) -> bool:
-        """Whether the load vanishes."""
-        return not np.any(self.torque)
+        return cls(statics, model.effects, closings, tuple(yielding), nominal, beyond)
 
     @cached_property
     def problem(self) -> Problem:
         """Equilibrium of the declared model at all angles."""
-        return self._problem(())
-
-    def _problem(self, effects: tuple[Effect, ...]) -> Problem:
-        """The same with more effects."""
-        load = carried_torque(self.reducer, self.torque)
-        acting = (*felt(self.model.effects), *effects)
-        return loaded_problem(self.geometry, self.reducer, acting, load, response=self.idle)
+        return self.statics.problem(self.effects, response=False)
 
     @cached_property
     def first(self) -> tuple[Integers, Problem]:
@@ -244,19 +220,20 @@ class LoadedTurn:
             problem = problem._replace(slide_error=problem.slide_error + slides)
         if any(isinstance(part, Compliance) for part, _ in self.yielding):
             problem = self._softened(problem, values, at)
-        solution = solve(problem, near=near, response=response or self.idle)
-        check_found(solution, self.geometry.motion.theta[at], idle=self.idle)
+        solution = solve(problem, near=near, response=response or self.statics.idle)
+        check_found(solution, self.statics.motion.theta[at], idle=self.statics.idle)
         return TurnState(self, at, problem, solution)
 
     def _bearings(self, contact: str) -> slice:
-        cams = self.reducer.discs * self.reducer.cranks
-        return slice(0, cams) if contact == "cam" else slice(cams, cams + self.reducer.cranks)
+        cranks = self.statics.reducer.cranks
+        cams = self.statics.reducer.discs * cranks
+        return slice(0, cams) if contact == "cam" else slice(cams, cams + cranks)
 
     def _softened(self, problem: Problem, values: Array, places: Integers) -> Problem:
         """The same with contacts that give way more than nominal."""
         effects = tuple(one.effect(values) for part, one in self.yielding if isinstance(part, Compliance))
         try:
-            softer = _some(self._problem(effects), places)
+            softer = _some(self.statics.problem((*self.effects, *effects), response=False), places)
         except ValueError as error:
             raise NotConvergedError(str(error)) from error
         return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
@@ -292,7 +269,7 @@ class TurnState:
     @property
     def output(self) -> Array:
         """Turn of the output, less what acts beyond the contacts, rad."""
-        return (self._settled.unloaded() if self.line.idle else self._settled).transmission_error
+        return (self._settled.unloaded() if self.line.statics.idle else self._settled).transmission_error
 
     def some(self, chosen: Integers) -> TurnState:
         """The same at a few of its angles, with changes per unit of output torque."""
@@ -319,7 +296,7 @@ class TurnState:
 
     @cached_property
     def _settled(self) -> Settled:
-        return Settled(self.line.geometry, self.line.reducer, self.problem, self.solution)
+        return Settled(self.line.statics.contacts, self.line.statics.reducer, self.problem, self.solution)
 
 
 def _some(problem: Problem, places: Integers) -> Problem:
