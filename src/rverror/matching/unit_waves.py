@@ -279,12 +279,7 @@ class UnitWaves:
     # --- the bound ----------------------------------------------------------------------------------------------------
 
     def bound(self) -> int:
-        """Units within their limits that no assembly can exceed: a part is of no use where no unit with it is good."""
-        possible = self._possible()
-        return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
-
-    def _possible(self) -> dict[int, Flags]:
-        """Whether a part may be in a good unit, for each pool.
+        """Units within their limits that no assembly can exceed: a part is of no use where no unit with it is good.
 
         The difference of a unit's wave at two samples is no more than its peak-to-peak, and the parts of all other
         places together can take no more from it than the best of each.
@@ -303,7 +298,7 @@ class UnitWaves:
                         least = least + (flat[:, high] - (flat[:, low] if span else 0)).min(axis=0)
                     within &= least <= 1 + 1e-6
                 possible[self.pools[place]] |= within
-        return possible
+        return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
 
 
 def placed(waves: UnitWaves, grooves: Array, came: Integers, wave: Array) -> Integers:

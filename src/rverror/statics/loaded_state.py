@@ -179,8 +179,9 @@ def linearise(
     (2, 2)
     """
     statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    found = statics.linearise(model.effects)
-    return replace(found, state=replace(found.state, model=model, conditions=read))
+    found = statics.settled(model.effects, response=True)
+    state = replace(statics.read(found, model.effects), model=model, conditions=read)
+    return Linearisation(state, statics.motion, found.forces_per_torque())
 
 
 def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, OperatingConditions]:
@@ -353,14 +354,9 @@ class Statics:
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        return self._read(self.settled(effects), effects)
+        return self.read(self.settled(effects), effects)
 
-    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
-        """`linearise` for these errors."""
-        found = self.settled(effects, response=True)
-        return Linearisation(self._read(found, effects), self.motion, found.forces_per_torque())
-
-    def _read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
+    def read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
         """State as it is read."""
         state = found.equilibrium()
         # what acts beyond the contacts keeps to the bench's zero, with all that stands there
