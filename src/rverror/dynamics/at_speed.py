@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -212,15 +212,14 @@ class InfluencesAtSpeed:
         rad.
     matrices : tuple of ndarray, each of shape (parameters, n)
         rad per core unit of each parameter of each effect.
-    speed, torque : float
-        Of the input, rad/s; N*mm.
+    speed : float
+        Of the input, rad/s.
     """
 
     theta: Array
     transmission_error: Array
     matrices: tuple[Array, ...]
     speed: float
-    torque: float
 
 
 def _waves(rows: Array) -> Array:
@@ -286,17 +285,16 @@ def speed_response(
     rows, direction = _speeds(input_speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
-    pulling = _Pulling(moving, made.settled)
+    pulling = _pulling(moving, made.settled)
     crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
-    errors, pulled = np.empty((rows.size, count)), {name: np.zeros(rows.size) for name in ("pins", "flanks")}
+    errors, pulled = np.empty((rows.size, count)), []
     per_square: Array | None = None  # what is driven grows with the square of the speed
     for at, speed in enumerate(rows):
         turn = made.turn(float(speed))
         moved = moving.response(turn, None if per_square is None else turn**2 * per_square)
         per_square = moved / turn**2 if turn else None
         errors[at] = moving.error(moved, turn) + beyond
-        for name, share in pulling.shares(moved, turn).items():
-            pulled[name][at] = share
+        pulled.append(pulling(moved, turn))
     return SpeedResponse(
         speed=rows,
         theta=made.theta,
@@ -305,7 +303,7 @@ def speed_response(
         period=made.period,
         frequency=made.frequency[: moving.basis.shape[1]],
         of_sun_support=made.of_sun_support[: moving.basis.shape[1]],
-        pulled=pulled,
+        pulled={name: np.array([one[name] for one in pulled]) for name in ("pins", "flanks")},
         reducer=made.unit,
         torque=made.torque,
         direction=direction,
@@ -370,8 +368,8 @@ def influences_at_speed(
     matrices = []
     for effect in effects:
         units = [replace(effect, values=tuple(unit)) for unit in np.eye(len(effect.values))]
-        matrices.append(np.array([made.error(next(shares), own) + added((one,), still) for one in units]))
-    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own, made.torque)
+        matrices.append(np.array([next(shares)(turn) + added((one,), still) for one in units]))
+    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own)
 
 
 def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) -> Array:
@@ -380,7 +378,7 @@ def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) ->
     parts = np.zeros((len(model.effects) + 1, *errors.shape))
     for number, effect in enumerate(model.effects):
         for value, share in zip(effect.values, shares, strict=False):
-            parts[number] += value * np.array([made.error(share, float(speed)) for speed in rows])
+            parts[number] += value * np.array([share(made.turn(float(speed))) for speed in rows])
         if effect in moves:
             parts[number] += added((effect,), made.where.read)
     parts[-1] = errors - parts[:-1].sum(axis=0)
@@ -395,36 +393,27 @@ def _speeds(speeds: Any) -> Array:
     return rows
 
 
-@dataclass(frozen=True)
-class _Pulling:
-    """How closed contacts are loaded as the parts move, at some of the angles."""
+def _pulling(moving: ReducedMotion, state: Settled) -> Callable[[Array, float], dict[str, float]]:
+    """Largest share of the force with which closed pins, and flanks, would have to pull in a motion at a speed."""
+    train, solution = moving.whole.train, state.solution
+    pressed, closing = solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
+    pins = np.zeros((*pressed.shape, train.size))  # how each contact's force follows the parts
+    for k in range(pressed.shape[1]):
+        first = train.place(f"disc {k}")[0]
+        pins[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2) * pressed[:, k, :, None]
+    flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
+    n = len(pins)
+    contacts = {
+        "pins": (pins.reshape(n, -1, train.size), solution.pin_force[::_EVERY].reshape(n, -1)),
+        "flanks": (flanks, state.split(solution.row_force)[0][::_EVERY]),
+    }
 
-    moving: ReducedMotion
-    state: Settled
-
-    @cached_property
-    def _contacts(self) -> tuple[tuple[Array, Array], ...]:
-        """Rows of pins and flanks, (n, contacts, size), times their stiffness, and forces at rest, (n, contacts)."""
-        train = self.moving.whole.train
-        state = self.state
-        pressed, closing = state.solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
-        rows = np.zeros((*pressed.shape, train.size))
-        for k in range(pressed.shape[1]):
-            first = train.place(f"disc {k}")[0]
-            rows[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2)
-        rows *= pressed[..., None]
-        flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
-        force, _ = state.split(state.solution.row_force)
-        n = len(rows)
-        pins = rows.reshape(n, -1, train.size), state.solution.pin_force[::_EVERY].reshape(n, -1)
-        return pins, (flanks, force[::_EVERY])
-
-    def shares(self, moved: Array, speed: float) -> dict[str, float]:
-        """Largest share of the force with which closed pins, and flanks, would have to pull."""
-        pose = self.moving.pose(moved, speed, slice(None, None, _EVERY))
-        found = {}
-        for name, (rows, rest) in zip(("pins", "flanks"), self._contacts, strict=True):
+    def shares(moved: Array, speed: float) -> dict[str, float]:
+        pose, found = moving.pose(moved, speed, slice(None, None, _EVERY)), {}
+        for name, (rows, rest) in contacts.items():
             force = rest + (rows @ pose.T[..., None])[..., 0]
             pull = np.where(rest > 0, np.maximum(-force, 0.0), 0.0).sum(axis=1)
             found[name] = float((pull / np.maximum(rest.sum(axis=1), np.finfo(float).tiny)).max())
         return found
+
+    return shares

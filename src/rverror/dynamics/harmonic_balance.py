@@ -45,10 +45,8 @@ def slope(rows: Array, step: float, power: int = 1) -> Array:
     ndarray, shape (..., n)
     """
     count = rows.shape[-1]
-    waves = scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power
-    if power % 2 and count % 2 == 0:
-        waves[..., -1] = 0  # the shortest wave has no slope at its samples
-    return np.asarray(scipy.fft.irfft(waves, count))
+    # of the shortest wave, which has no slope at its samples, the inverse leaves an imaginary part out
+    return np.asarray(scipy.fft.irfft(scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power, count))
 
 
 @dataclass(frozen=True)
@@ -167,19 +165,12 @@ class _Balance:
     speed: float
 
     @cached_property
-    def _steady(self) -> tuple[Array, Array]:
-        """Centrifugal stiffness and Coriolis damping, (m, m)."""
-        _, vector = self.system.mean_modes
-        return (
-            vector.T @ (self.speed**2 * self.system.centrifugal) @ vector,
-            vector.T @ (self.speed * self.system.turning) @ vector,
-        )
-
-    @cached_property
     def _both(self) -> Array:
-        """Stiffness and damping side by side, (m, 2 m, n)."""
-        pairs = zip(self.system.in_mean_modes, self._steady, strict=True)
-        return np.concatenate([one + more[..., None] for one, more in pairs], axis=1)
+        """Stiffness and damping side by side, with what the turning adds, (m, 2 m, n)."""
+        _, vector = self.system.mean_modes
+        steady = self.speed**2 * self.system.centrifugal, self.speed * self.system.turning
+        pairs = zip(self.system.in_mean_modes, steady, strict=True)
+        return np.concatenate([one + (vector.T @ more @ vector)[..., None] for one, more in pairs], axis=1)
 
     @cached_property
     def _rate(self) -> npt.NDArray[np.complex128]:

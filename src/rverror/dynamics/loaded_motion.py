@@ -7,7 +7,7 @@ Everything is written in the frames of the parts; what moves far faster than it 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,6 +28,9 @@ from rverror.model.effects import Effect, Model
 from rverror.model.readings import Stand, stand, unread
 from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Settled, statics_of
+
+#: Output error, rad, shape (n,), at a speed of the output.
+ErrorAtSpeed = Callable[[float], Array]
 
 
 @dataclass(frozen=True)
@@ -80,14 +83,14 @@ class LoadedMotion:
         """Force of the parts' inertia against a course in their frames, (size, n), per speed squared."""
         turns, step = self.train.turns[:, None], 2 * math.pi / self.period
         first, second = (slope(course, step, power) for power in (1, 2))
-        acceleration = second + 2 * turns * _ahead(self.train, first) - turns**2 * course
+        acceleration = second + 2 * turns * (self.train.quarter_turn @ first) - turns**2 * course
         return np.asarray(-self.train.mass[:, None] * acceleration)
 
     @cached_property
     def swing_force(self) -> Array:
         """Force of the parts' inertia per rad/s^2 of the output as the nominal motion is sped up, (size, n)."""
         turns = self.train.turns[:, None]
-        swing = slope(self.course, 2 * math.pi / self.period) + turns * _ahead(self.train, self.course)
+        swing = slope(self.course, 2 * math.pi / self.period) + turns * (self.train.quarter_turn @ self.course)
         return np.asarray(-self.train.mass[:, None] * (swing + _nominal_rate(self.train)[:, None]))
 
     def reduced(self, kept: int) -> ReducedMotion:
@@ -104,25 +107,6 @@ class LoadedMotion:
         flexible = flexibility @ inertia
         stiff = np.linalg.inv(inertia.T @ flexible)
         return ReducedMotion(self, basis, flexible @ stiff, stiff - hold * np.eye(kept), flexibility)
-
-
-@dataclass(frozen=True)
-class Share:
-    """What a share of the equilibrium, such as that of one error, does at speed.
-
-    Attributes
-    ----------
-    still : ndarray, shape (n,)
-        Output error at a crawl, rad.
-    follows : ndarray, shape (n,)
-        Output error per speed squared of the modes that follow as springs.
-    force : ndarray, shape (m, n)
-        Force of inertia on the coordinates per speed squared.
-    """
-
-    still: Array
-    follows: Array
-    force: Array
 
 
 @dataclass(frozen=True)
@@ -162,7 +146,7 @@ class ReducedMotion:
         return Oscillator(
             stiffness=_samples_last(self.stiffness),
             damping=_samples_last(damping),
-            turning=2 * weighted.T @ _ahead(train, turns * self.basis),
+            turning=2 * weighted.T @ train.quarter_turn @ (turns * self.basis),
             centrifugal=-weighted.T @ (turns**2 * self.basis),
             period=self.whole.period,
         )
@@ -215,15 +199,16 @@ class ReducedMotion:
         still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
         return np.asarray(still + (self.reading * moved).sum(axis=0))
 
-    def share(self, state: Array, course: Array) -> Share:
+    def share(self, state: Array, course: Array) -> ErrorAtSpeed:
         """What a share of the equilibrium, (size, n), with the waves of it that inertia follows does at speed."""
         force, rest = self._follow(self.whole.inertia_against(course))
-        return Share(self.whole.train.reading @ state, self.whole.train.reading @ rest, force)
+        still, follows = self.whole.train.reading @ state, self.whole.train.reading @ rest
 
-    def share_error(self, share: Share, speed: float) -> Array:
-        """Output error of a share at a speed, (n,)."""
-        moved = self.oscillator.response(speed**2 * share.force, speed=speed) if speed else np.zeros_like(share.force)
-        return np.asarray(share.still + speed**2 * share.follows + (self.reading * moved).sum(axis=0))
+        def error(speed: float) -> Array:
+            moved = self.oscillator.response(speed**2 * force, speed=speed) if speed else np.zeros_like(force)
+            return np.asarray(still + speed**2 * follows + (self.reading * moved).sum(axis=0))
+
+        return error
 
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
@@ -297,7 +282,7 @@ def held_waves(train: Train, state: Array, between: Array, theta: Array, period:
 def in_frames(train: Train, rows: Array, theta: Array) -> Array:
     """Rows of coordinates in the housing frame, (size, n), in those of the parts."""
     angle = train.turns[:, None] * theta
-    return np.cos(angle) * rows - np.sin(angle) * _ahead(train, rows)
+    return np.cos(angle) * rows - np.sin(angle) * (train.quarter_turn @ rows)
 
 
 def _turned(train: Train, matrix: Array, theta: Array) -> Array:
@@ -306,20 +291,9 @@ def _turned(train: Train, matrix: Array, theta: Array) -> Array:
     cos, sin = np.cos(angle), np.sin(angle)
 
     def rows(matrix: Array) -> Array:
-        ahead = np.moveaxis(_ahead(train, np.moveaxis(matrix, 1, 0)), 0, 1)
-        return cos[..., None] * matrix - sin[..., None] * ahead
+        return np.asarray(cos[..., None] * matrix - sin[..., None] * (train.quarter_turn @ matrix))
 
     return rows(np.swapaxes(rows(matrix), 1, 2))
-
-
-def _ahead(train: Train, rows: Array) -> Array:
-    """Rows of coordinates, each pair of x and y turned a quarter ahead: (-y, x); 0 for angles."""
-    made = np.zeros_like(rows)
-    for part in train.parts:
-        if part.mass:
-            x, y = part.at[:2]
-            made[x], made[y] = -rows[y], rows[x]
-    return made
 
 
 def _centres(train: Train) -> Array:
@@ -335,7 +309,7 @@ def _centres(train: Train) -> Array:
 
 def _nominal_rate(train: Train) -> Array:
     """Rate of the nominal motion per unit of speed, in the frames of the parts, (size,)."""
-    rate, turns = train.turns * _ahead(train, _centres(train)), frame_orders(train.reducer)
+    rate, turns = train.turns * (train.quarter_turn @ _centres(train)), frame_orders(train.reducer)
     for part in train.parts:
         if part.inertia:
             kind = {"input": "sun", "load": "carrier"}.get(part.name, part.name.split()[0])
@@ -351,7 +325,7 @@ def _samples_last(matrix: Array) -> Array:
 #: Times the highest frequency that the meshes drive: modes up to there keep their inertia, the machine's first always.
 REACH = 2.5
 _MOST_ANGLES = 2**16  # of one period: two gigabytes
-_AT_ONCE = 32  # parameters whose poses are held together
+_AT_ONCE = 16  # effects whose poses are held together
 
 
 @dataclass(frozen=True)
@@ -394,30 +368,19 @@ class MovingReducer:
         """Speed of the output, signed, at an input speed."""
         return self.direction * speed / self.unit.ratio
 
-    def shares(self, effects: Sequence[Effect]) -> Iterator[Share]:
+    def shares(self, effects: Sequence[Effect]) -> Iterator[ErrorAtSpeed]:
         """What one unit of each parameter of effects does, the closed contacts held closed; sizes play no part.
 
         Effects that no contact feels do nothing here.
         """
-        batch: list[Effect] = []
-        for effect in effects:
-            if batch and sum(len(one.values) for one in (*batch, effect)) > _AT_ONCE:
-                yield from self._shares(tuple(batch))
-                batch = []
-            batch.append(effect)
-        yield from self._shares(tuple(batch))
-
-    def _shares(self, effects: tuple[Effect, ...]) -> Iterator[Share]:
-        at, between = (one.pose_changes(effects) for one in (self.settled, self.halfway))
         whole = self.motion.whole
-        for number in range(at.shape[2]):
-            state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
-            course = held_waves(whole.train, state, between[..., number], whole.theta, whole.period)
-            yield self.motion.share(state, course)
-
-    def error(self, share: Share, speed: float) -> Array:
-        """Output error of a share at an input speed, rad, (n,)."""
-        return self.motion.share_error(share, self.turn(speed))
+        for first in range(0, len(effects), _AT_ONCE):
+            some = tuple(effects[first : first + _AT_ONCE])
+            at, between = (one.pose_changes(some) for one in (self.settled, self.halfway))
+            for number in range(at.shape[2]):
+                state = in_frames(whole.train, whole.train.pose(at[..., number]).T, whole.theta)
+                course = held_waves(whole.train, state, between[..., number], whole.theta, whole.period)
+                yield self.motion.share(state, course)
 
 
 def moving_reducer(

@@ -199,7 +199,7 @@ class Train:
             for number, at in enumerate(places)
         ]
         found.append(Part("sun", sun, "sun_mass", "sun_inertia"))
-        if self.input_turns:
+        if None not in (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness):
             found.append(Part("input", (size,), "", "input_inertia"))
             size += 1
         if self.bench.load_coupling_stiffness is not None:
@@ -210,11 +210,6 @@ class Train:
     def sun_turns(self) -> bool:
         """Whether the sun may turn against its nominal angle."""
         return (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness) != (None, None)
-
-    @property
-    def input_turns(self) -> bool:
-        """Whether the input side is a part of its own."""
-        return None not in (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness)
 
     @property
     def size(self) -> int:
@@ -289,6 +284,16 @@ class Train:
             if part.mass:
                 # the discs' frames stand with their eccentric directions
                 made[list(part.at[:2])] = turns["crank" if part.name.startswith("disc") else "carrier"]
+        return made
+
+    @cached_property
+    def quarter_turn(self) -> Array:
+        """Matrix that turns each pair of x and y a quarter ahead, to (-y, x); 0 for angles."""
+        made = np.zeros((self.size, self.size))
+        for part in self.parts:
+            if part.mass:
+                x, y = part.at[:2]
+                made[x, y], made[y, x] = -1.0, 1.0
         return made
 
     def pose(self, x: Array) -> Array:

@@ -13,6 +13,7 @@ sits, in which frame, and its components: it returns an `ErrorVector`.  What car
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -90,11 +91,8 @@ class Contacts(Pose):
     @cached_property
     def pin_phase(self) -> Phases:
         """e^(i psi) of the contact angles `pin_angle`: its powers are the waves around a disc, (discs, pins, n)."""
-        phase = np.empty(self.pin_arm.shape, dtype=np.complex128)
-        np.negative(self.pin_behind[..., 1, :], out=phase.real)
-        phase.imag = self.pin_behind[..., 0, :]
-        phase *= np.exp(-1j * self.turns["disc"])
-        return phase
+        behind = self.pin_behind
+        return np.asarray((1j * behind[..., 0, :] - behind[..., 1, :]) * np.exp(-1j * self.turns["disc"]))
 
     @cached_property
     def pin_behind(self) -> Array:
@@ -171,7 +169,30 @@ def output_wave(angle: Array, size: Array | float = 1.0) -> ErrorVector:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorWaves:
+class _AlongOneDirection(ABC):
+    """Error along one direction at each contact."""
+
+    contact: str
+    direction: Array
+    at: tuple[slice, ...] = ()
+
+    @property
+    @abstractmethod
+    def sizes(self) -> Array:
+        """Size along the direction, per unit of each parameter, (terms, axes of the contact but the last, n)."""
+
+    @property
+    def vector(self) -> Array:
+        """As of `ErrorVector`, (terms, axes of the contact, n)."""
+        return self.sizes[..., None, :] * self.direction
+
+    def along(self, directions: Array) -> Array:
+        """Components along vectors at its contacts, (terms, axes of the contact but xy, n)."""
+        return np.asarray(self.sizes * dot(self.direction, directions))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorWaves(_AlongOneDirection):
     """Error of two terms, cos and sin of a harmonic of some phase along one direction at each contact.
 
     Of sources that share arrays, or views of the same entries, `project_all` makes all harmonics in one walk.
@@ -190,30 +211,18 @@ class ErrorWaves:
         As of `ErrorVector`.
     """
 
-    contact: str
     phase: Phases
     harmonic: int
-    direction: Array
-    at: tuple[slice, ...] = ()
 
     @property
-    def waves(self) -> Array:
-        """Size along the direction, per unit of each parameter, (2, axes of the contact but the last, n)."""
+    def sizes(self) -> Array:
+        """Cosine and sine of the wave, (2, axes of the contact but the last, n)."""
         wave = _power(self.phase, self.harmonic)
         return np.stack([wave.real, wave.imag])
 
-    @property
-    def vector(self) -> Array:
-        """As of `ErrorVector`, (terms, axes of the contact, n)."""
-        return self.waves[..., None, :] * self.direction
-
-    def along(self, directions: Array) -> Array:
-        """Components along vectors at its contacts, (terms, axes of the contact but xy, n)."""
-        return np.asarray(self.waves * dot(self.direction, directions))
-
 
 @dataclass(frozen=True, kw_only=True)
-class ErrorSpots:
+class ErrorSpots(_AlongOneDirection):
     """Error of one term, along one direction at each contact, that is met in few places: nothing everywhere else.
 
     Attributes
@@ -230,23 +239,12 @@ class ErrorSpots:
         As of `ErrorVector`.
     """
 
-    contact: str
     where: tuple[npt.NDArray[np.intp], ...]
     size: Array
-    direction: Array
-    at: tuple[slice, ...] = ()
 
     @property
-    def vector(self) -> Array:
-        """As of `ErrorVector`, (1, axes of the contact, n)."""
-        return np.asarray(self._sizes[..., None, :] * self.direction)
-
-    def along(self, directions: Array) -> Array:
-        """Components along vectors at its contacts, (1, axes of the contact but xy, n)."""
-        return np.asarray(self._sizes * dot(self.direction, directions))
-
-    @property
-    def _sizes(self) -> Array:
+    def sizes(self) -> Array:
+        """Size everywhere, (1, axes of the contact but the last, n)."""
         sizes = np.zeros((1, *self.direction.shape[:-2], self.direction.shape[-1]))
         sizes[0][self.where] = self.size
         return sizes

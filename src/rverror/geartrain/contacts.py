@@ -28,7 +28,7 @@ from rverror.geartrain.kinematics import (
     resisted_motion,
     stated_load,
 )
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, core_torque, doubt_torque
+from rverror.geartrain.mechanism import Drive, Mechanism, core_torque, doubt_torque
 
 
 def pose(
@@ -134,10 +134,7 @@ def _checked(
 def _placed(mechanism: Mechanism, same: dict[str, Any]) -> Pose:
     if isinstance(mechanism, Drive):
         return DrivePose(ratio=mechanism.ratio, drive=mechanism, **same)
-    return _contacts(mechanism, same)
-
-
-def _contacts(reducer: Reducer, same: dict[str, Any]) -> Contacts:
+    reducer = mechanism
     turns = {part: order * same["theta"] for part, order in frame_orders(reducer).items()}
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
     eccentric = turns["crank"] + phases[:, None]

@@ -15,14 +15,13 @@ from rverror.geartrain.source import (
     Orders,
     Source,
     around,
+    bearing_compliance_orders,
     bore_orders,
     chosen,
-    clearance,
     compliances,
     leads,
     lengths,
     or_all,
-    pin_wave_orders,
     rv,
 )
 
@@ -148,10 +147,6 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (unit.cranks * fundamental_orders(unit)["bearing"],)
 
 
-def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return pin_wave_orders(mechanism, {}) if indices["crank"] == "all" else bore_orders(mechanism, {})
-
-
 SOURCES = (
     Source(
         CARRIER_BORE, carrier_bore_position, (CRANK,),
@@ -162,7 +157,7 @@ SOURCES = (
         starts=around(0.17),
     ),
     Source(
-        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
         "bearing", _with_one_disc(_clearance_orders), "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
         starts=OPENS,
@@ -172,7 +167,7 @@ SOURCES = (
     Source(
         "coupling.bearing_compliance", bearing_compliance, (or_all(CRANK),),
         compliances(3, "compliance"),
-        "bearing", _with_one_disc(_compliance_orders), "001, K x = F + E",
+        "bearing", _with_one_disc(bearing_compliance_orders), "001, K x = F + E",
         "crank bearing in the carrier softer than nominal",
         needs=("torque",), tried=False,
         equation=r"$\delta = -e\, f_j$",

@@ -18,15 +18,13 @@ from rverror.geartrain.source import (
     Indices,
     Source,
     angles,
-    bore_orders,
+    bearing_compliance_orders,
     chosen,
-    clearance,
     compliances,
     constant,
     leads,
     lengths,
     or_all,
-    pin_wave_orders,
     rv,
 )
 
@@ -197,13 +195,6 @@ def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ..
     return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
 
 
-def _compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """All bearings of a disc, or of a crank, even the turning force out but for the ripple of the pins."""
-    if "all" in indices.values():
-        return pin_wave_orders(mechanism, {})
-    return bore_orders(mechanism, {})
-
-
 SOURCES = (
     Source(
         ECCENTRICITY, eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
@@ -211,7 +202,7 @@ SOURCES = (
         equation=r"$\delta = -(e_r\, \epsilon_k + e_t\, \epsilon_k^\perp)$",
     ),
     Source(
-        BEARING_CLEARANCE, bearing_clearance, (), clearance(30),
+        BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
         "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
@@ -220,7 +211,7 @@ SOURCES = (
         "crank.bearing_compliance", bearing_compliance,
         (or_all(CRANK), or_all(DISC)),
         compliances(3, "compliance"),
-        "bearing", _compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
+        "bearing", bearing_compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
         needs=("torque",), starts=EITHER_WAY,
         equation=r"$\delta = -e\, f_{kj}$",
     ),

@@ -15,7 +15,6 @@ from rverror.geartrain.source import (
     Source,
     around,
     chosen,
-    clearance,
     compliances,
     constant,
     every,
@@ -217,13 +216,8 @@ def planet_pitch(contacts: Contacts, *, crank: int, harmonic: int) -> ErrorWaves
     here = only(crank)
     _, tangential = contacts.crank_directions
     # at the pitch point the planet's counter-clockwise tangent is -t, and the planet is the driven part: +t
-    return ErrorWaves(
-        contact="mesh",
-        phase=contacts.planet_phase[here, None],
-        harmonic=harmonic,
-        direction=tangential[here, None],
-        at=(here,),
-    )
+    phase, direction = contacts.planet_phase[here, None], tangential[here, None]
+    return ErrorWaves(contact="mesh", phase=phase, harmonic=harmonic, direction=direction, at=(here,))
 
 
 def tooth_thinning(contacts: Contacts, *, member: str) -> ErrorVector:
@@ -423,7 +417,7 @@ SOURCES = (
         hidden="sets the place of the loaded flank only; which gear lost the tooth is never visible",
     ),
     Source(
-        SPLINE_CLEARANCE, spline_clearance, (CRANK,), clearance(100),
+        SPLINE_CLEARANCE, spline_clearance, (CRANK,), lengths(100, "clearance", least=0.0),
         "direction", constant, "003, T_e = k_c C + b", "play of the planet's spline, half to either side",
         needs=("spline_radius",),
         equation=r"$\delta = \pm e / (2 r_s)$, an angle",

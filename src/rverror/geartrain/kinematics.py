@@ -156,8 +156,6 @@ def motion_direction(theta: Array) -> Array:
     ndarray, shape (n,)
         +1 or -1; a standstill keeps the direction before it, and a single angle counts as forward.
     """
-    if theta.size < 2:
-        return np.ones_like(theta)
     step = np.sign(np.diff(theta))
     moving = np.flatnonzero(step)
     if moving.size == 0:

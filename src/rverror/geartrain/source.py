@@ -39,12 +39,10 @@ class Known(Protocol):
     @property
     def time(self) -> Array | None:
         """Time of each sample, s."""
-        ...
 
     @property
     def torque(self) -> object:
         """Size of the output torque, N*mm, or what it is over the angle."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -389,14 +387,9 @@ def axes_and_corners(share: float, count: int) -> tuple[tuple[float, ...], ...]:
 EITHER_WAY, OPENS = ((0.2,), (-0.2,)), ((0.1,), (0.3,))
 
 
-def lengths(plausible_um: float, *names: str) -> tuple[Parameter, ...]:
-    """Parameters that are lengths."""
-    return tuple(Parameter(name, "length", plausible_um * 1e-3) for name in names)
-
-
-def clearance(plausible_um: float) -> tuple[Parameter, ...]:
-    """A clearance, which cannot be below nothing."""
-    return (Parameter("clearance", "length", plausible_um * 1e-3, least=0.0),)
+def lengths(plausible_um: float, *names: str, least: float = -math.inf) -> tuple[Parameter, ...]:
+    """Parameters that are lengths; of a clearance none can be below nothing."""
+    return tuple(Parameter(name, "length", plausible_um * 1e-3, least) for name in names)
 
 
 def compliances(plausible_um_per_kn: float, *names: str) -> tuple[Parameter, ...]:
@@ -440,3 +433,8 @@ def pin_wave_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     waves = [abs(wave + m * unit.pins) for m in range(-unit.discs, unit.discs + 1)]
     kept = [w for w in waves if w % unit.discs == 0 and w > 0]
     return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()
+
+
+def bearing_compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All bearings of a crank, a disc or the carrier even the turning force out but for the ripple of the pins."""
+    return pin_wave_orders(mechanism, {}) if "all" in indices.values() else bore_orders(mechanism, {})

@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError
@@ -180,11 +180,8 @@ class AtLoad:
 
     def grown(self, course: Course, at: Array) -> Array:
         """At some sessions about their mean, shape (sessions, d)."""
-        grown = course.grown(at)
-        after = np.clip(np.searchsorted(_SHARES, grown), 1, len(_SHARES) - 1)
-        along = ((grown - _SHARES[after - 1]) / (_SHARES[after] - _SHARES[after - 1]))[:, None]
         every = np.concatenate([np.zeros((1, self.rows.shape[1])), self.rows])
-        found = (1 - along) * every[after - 1] + along * every[after]
+        found = scipy.interpolate.make_interp_spline(_SHARES, every, k=1)(course.grown(at))
         return np.asarray(found - found.mean(axis=0))
 
 
@@ -551,15 +548,11 @@ class GrowthSearch:
     def _equivalents(self, cause: int) -> tuple[int, ...]:
         """Causes of the same source at places where it does what only the contacts tell from it."""
         one, unit = self.causes[cause], self.unit.simulator.model.mechanism
-        choices = []
-        for index in source(one.key).indices:
-            if index.name in one.indices:
-                value = one.indices[index.name]
-                values = (value, *(other for other, _ in index.equivalents(unit, value)))
-                choices.append([(index.name, v) for v in dict.fromkeys(values)])
-        places = [dict(some) for some in product(*choices)]
+        known = {index.name: index.equivalents for index in source(one.key).indices}
+        places = {name: {at, *(other for other, _ in known[name](unit, at))} for name, at in one.indices.items()}
         same = [n for n, other in enumerate(self.causes) if (other.key, other.parameters) == (one.key, one.parameters)]
-        return tuple(n for n in same if n != cause and dict(self.causes[n].indices) in places)
+        alike = [n for n in same if n != cause and self.causes[n].indices.keys() == places.keys()]
+        return tuple(n for n in alike if all(at in places[name] for name, at in self.causes[n].indices.items()))
 
     def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
         """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""

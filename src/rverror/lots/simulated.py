@@ -13,7 +13,6 @@ from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.diagnosis.gears.reducers import curved
 from rverror.diagnosis.gears.waveform import softened
-from rverror.geartrain.source import rv
 from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import UnitParts
 from rverror.model.effects import Model
@@ -135,8 +134,7 @@ class Simulator:
         """The turns with other stiffnesses."""
         changes = np.concatenate([compliance, np.zeros(len(SOFTENING) - len(compliance))])
         return [
-            replace(turn, model=replace(turn.model, mechanism=softened(rv(turn.model.mechanism), changes)))
-            for turn in self._turns
+            replace(turn, statics=turn.statics.elastic(softened(turn.statics.reducer, changes))) for turn in self._turns
         ]
 
     def waveforms(self, state: State, standard: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -118,21 +117,19 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
     -----
     What turning does is linear, so each error of size 1 is mounted once in every way, and all parts follow.
     """
-    column: dict[tuple[str, frozenset[tuple[str, IndexValue]], str], int] = {}
-    components: list[Component] = []
+    known: dict[tuple[str, frozenset[tuple[str, IndexValue]], str], Component] = {}
+
+    def named(error: Effect) -> list[tuple[str, frozenset[tuple[str, IndexValue]], int]]:
+        return [(error.key, frozenset(error.indices.items()), p) for p in range(len(error.values))]
+
     built = []
     for place, parts in lots:
-        every = (
-            (e.key, frozenset(e.indices.items()), p)
-            for part in parts
-            for e in part.errors
-            for p in range(len(e.values))
-        )
-        terms = {term: number for number, term in enumerate(dict.fromkeys(every))}
+        every = dict.fromkeys(name for part in parts for error in part.errors for name in named(error))
+        terms = {term: number for number, term in enumerate(every)}
         sizes, sigmas = np.zeros((2, len(parts), len(terms)))
         for number, part in enumerate(parts):
             for error in part.errors:
-                own = [terms[error.key, frozenset(error.indices.items()), p] for p in range(len(error.values))]
+                own = [terms[name] for name in named(error)]
                 sizes[number, own], sigmas[number, own] = error.values, error.uncertainty or 0.0
         entries = []  # of `moved`: way, term, component, value
         for way, turn in enumerate(place.turns):
@@ -142,18 +139,18 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
                 (error,) = mounted(alone, reducer, place.number, turn)
                 for parameter, value in zip(source(key).parameters, error.values, strict=True):
                     name = (key, frozenset(error.indices.items()), parameter.name)
-                    if name not in column:
-                        column[name] = len(components)
-                        components.append(Component(key, error.indices, parameter.name, parameter.dimension))
-                    entries.append((way, number, column[name], value))
+                    known.setdefault(name, Component(key, error.indices, parameter.name, parameter.dimension))
+                    entries.append((way, number, name, value))
         built.append((sizes, sigmas, len(place.turns), entries))
-    moves = []
+    moves, column = [], {name: number for number, name in enumerate(known)}
     for sizes, _, ways, entries in built:
-        moved = np.zeros((ways, sizes.shape[1], len(components)))
-        for way, number, at_column, value in entries:
-            moved[way, number, at_column] += value
+        moved = np.zeros((ways, sizes.shape[1], len(known)))
+        for way, number, name, value in entries:
+            moved[way, number, column[name]] += value
         moves.append(moved)
-    return PlacedErrors(tuple(components), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves))
+    return PlacedErrors(
+        tuple(known.values()), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves)
+    )
 
 
 @dataclass(frozen=True)
@@ -192,12 +189,9 @@ class UnitsAtLoad:
         return Stack(np.zeros(1), none, self.components, entry, np.ones(len(keys)), tuple(keys), ())
 
     @cached_property
-    def _solvers(self) -> tuple[LoadedUnits, ...]:
-        means = np.zeros(len(self.components))
-        found = [LoadedUnits(self.model, self._stack, means, self.limits, 1.0)]
-        if errors := tuple(one for one in self.limits if not one.loads):
-            found.append(LoadedUnits(self.model, self._stack, means, errors, -1.0))
-        return tuple(found)
+    def _solver(self) -> LoadedUnits:
+        limits, directions = zip(*((one.limit, one.direction) for one in self.quantities), strict=True)
+        return LoadedUnits(self.model, self._stack, np.zeros(len(self.components)), limits, directions)
 
     def solved(self, values: Array, *, progress: Callable[[int], None] | None = None) -> Array:
         """Turn of each quantity, rad, shape (units, quantities), by the equilibrium; infinite where there is none.
@@ -206,23 +200,17 @@ class UnitsAtLoad:
         ----------
         values : ndarray, shape (units, components)
         progress : callable, optional
-            Called with the number of a unit as it is done in one direction.
+            Called with the number of a unit as it is done.
         """
-        ones = np.ones(len(self._stack.width))
-        found = [solver.solved(values, ones, progress=progress).turns for solver in self._solvers]
-        return np.concatenate(found, axis=1)
+        return self._solver.solved(values, np.ones(len(self._stack.width)), progress=progress).turns
 
     @cached_property
     def _lines(self) -> tuple[tuple[tuple[LoadedTurn, float], ...], ...]:
         """Motions of each quantity and their weights."""
-        line = self._solvers[0].line
         return tuple(
-            ((line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
+            ((self._solver.line(one.limit.torque or 0.0, one.direction, ANGLES, reads=True), 1.0),)
             if one.span
-            else tuple(
-                (line(abs(load), -math.copysign(1.0, load), POSITIONS, reads=False), weight)
-                for load, weight in one.limit.loads
-            )
+            else tuple(self._solver.between(one.limit))
             for one in self.quantities
         )
 

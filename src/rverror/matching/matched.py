@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import scipy
@@ -85,12 +84,13 @@ def match(
     lot = _lot_of(model, parts, turns=turns, seed=seed)
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
-    units = UnitsAtLoad(model, lot.components, check_limits(limits, model.mechanism))
+    units = UnitsAtLoad(model, lot.columns.components, check_limits(limits, model.mechanism))
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
     price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
-    blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in lot.numbers], lot.pools, ())
+    numbers = [*map(len, lot.parts), *([len(lot.kits)] if lot.rollers else [])]
+    blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in numbers], lot.pools, ())
     drawn = [blank.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * blank.most), _RANDOM[1]) // blank.most))]
     together = Assembly(np.concatenate([one.part for one in drawn]), np.concatenate([one.turn for one in drawn]))
     random = at_load.built("units put together at random", together)
@@ -139,25 +139,14 @@ class _PartsAtPlaces:
     kits: Integers  #: (kits, pins): which of them, in arbitrary order
     notes: tuple[str, ...]
 
-    @property
-    def numbers(self) -> list[int]:
-        """Parts, or kits, for each place."""
-        return [*map(len, self.parts), *([len(self.kits)] if self.rollers else [])]
-
-    @property
-    def components(self) -> Any:
-        """Of all errors."""
-        return self.columns.components
-
     def values(self, assembly: Assembly, rollers: Integers | None = None) -> Array:
         """Components of units, shape (units, components); their rollers by groove, where not as the kits have them."""
-        total = np.zeros((len(assembly.part), len(self.components)))
+        total = np.zeros((len(assembly.part), len(self.columns.components)))
         for place in range(len(self.parts)):
             total += self.columns.values(place, assembly.part[:, place], assembly.turn[:, place])
-        if len(self.kits):
-            used = self.in_grooves(assembly) if rollers is None else rollers
-            for groove in range(used.shape[1]):
-                total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
+        used = self.in_grooves(assembly) if rollers is None else rollers
+        for groove in range(used.shape[1]):
+            total += self.columns.values(len(self.parts) + groove, used[:, groove], np.zeros(len(used), dtype=int))
         return total
 
     def true(self, assembly: Assembly, rollers: Integers | None = None) -> tuple[Array, Array]:
@@ -167,8 +156,8 @@ class _PartsAtPlaces:
         return mean, np.asarray(np.sqrt(variance))
 
     def in_grooves(self, assembly: Assembly) -> Integers:
-        """Rollers in the grooves of each unit as its kit has them."""
-        return self.kits[assembly.part[:, -1]]
+        """Rollers in the grooves of each unit as its kit has them; in none where there are no kits."""
+        return self.kits[assembly.part[:, -1]] if self.rollers else np.empty((len(assembly.part), 0), np.intp)
 
     def waves(self, slope: Array, *, turned: bool) -> list[Array]:
         """Waves of the parts at every place."""
@@ -371,10 +360,9 @@ class _AtLoad:
                     waves = replace(waves, doubt=max(float(difference.std()), 1e-3))
                 gain = waves.hard(errors) - waves.hard(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
-                better = (np.bincount(circle, gain) > 1e-3)[circle, None]
-                kept = Assembly(np.where(better, new.part, old.part), np.where(better, new.turn, old.turn))
-                built = _Built(kept, np.where(better, turns, built.turns))
-                moved = changed[better[changed, 0]]
+                better = (np.bincount(circle, gain) > 1e-3)[circle]
+                built = _Built(old.with_some(new, better), np.where(better[:, None], turns, built.turns))
+                moved = changed[better[changed]]
                 residual[moved] = self.residual(waves, built, moved)
                 idle = 0 if moved.size else idle
         return built
@@ -456,9 +444,7 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
             f"{row[worst] / ARCSEC:.4g} arcsec{known}, and {allowed[worst] / ARCSEC:.4g} are allowed; give a higher "
             "limit"
         )
-    grooves = None
-    if lot.rollers:
-        grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
+    grooves = lot.in_grooves(built.assembly) if built.rollers is None else built.rollers
     units: list[MatchedUnit] = []
     for number in np.flatnonzero(good)[np.argsort(errors[good])]:
         parts, effects = [], list(lot.model.effects)
@@ -468,7 +454,7 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
             total = (turn + lot.before[part.serial]) % lot.reducer.cranks if place.kind == "disc" else turn
             parts.append(MountedPart(place.kind, place.number, part.serial, total))
             effects += mounted(part, lot.reducer, place.number, turn)
-        for pin, chosen in enumerate([] if grooves is None else grooves[number]):
+        for pin, chosen in enumerate(grooves[number]):
             parts.append(MountedPart("roller", pin, lot.rollers[chosen].serial))
             effects += lot.rollers[chosen].at(pin)
         built_so = replace(lot.model, effects=tuple(effects))

@@ -44,6 +44,11 @@ class Assembly:
         """Some of the units."""
         return Assembly(self.part[rows], self.turn[rows])
 
+    def with_some(self, other: Assembly, better: Flags) -> Assembly:
+        """These units, and those of another assembly where these are better."""
+        chosen = better[:, None]
+        return Assembly(np.where(chosen, other.part, self.part), np.where(chosen, other.turn, self.turn))
+
     def names(self) -> list[tuple[int, ...]]:
         """Parts of each unit, then their turns."""
         return [tuple(row) for row in np.concatenate([self.part, self.turn], axis=1).tolist()]
@@ -86,6 +91,11 @@ class UnitWaves:
     def most(self) -> int:
         """Units that the numbers of parts allow."""
         return min(self.sizes[pool] // self.pools.count(pool) for pool in self.sizes)
+
+    @cached_property
+    def _alike(self) -> list[tuple[int, int]]:
+        """Pairs of places that take their parts from one pool."""
+        return [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
 
     def errors(self, waves: Array) -> Array:
         """Largest section of each wave, over the limit, shape (...)."""
@@ -164,12 +174,11 @@ class UnitWaves:
         """
         starts = max(_STARTS, _SMALL // self.most)
         best = self._descended(self.shuffled(rng))
-        alike = [(a, b) for a, b in combinations(range(len(self.parts)), 2) if self.pools[a] == self.pools[b]]
         for start in range(1, starts):
             if progress is not None:
                 progress(f"assemblies: start {start + 1} of {starts}")
             initial = self.shuffled(rng) if start % 2 else Assembly(best.part.copy(), best.turn.copy())
-            for pair in alike:
+            for pair in self._alike:
                 some = rng.random(len(initial.part)) < 0.5
                 initial.part[:, pair] = np.where(some[:, None], initial.part[:, pair[::-1]], initial.part[:, pair])
             found = self._descended(initial)
@@ -182,9 +191,8 @@ class UnitWaves:
     def _descended(self, assembly: Assembly) -> Assembly:
         count, now = len(self.parts), self._total(assembly)
         some = [few for size in (1, 2) if 2 * size <= count for few in combinations(range(count), size)]
-        alike = [(a, b) for a, b in combinations(range(count), 2) if self.pools[a] == self.pools[b]]
         for _ in range(_SWEEPS):
-            for pair in alike:
+            for pair in self._alike:
                 assembly = self._exchanged(assembly, pair)
             for few in some:
                 assembly = self.assigned(assembly, few)
@@ -198,13 +206,7 @@ class UnitWaves:
         other = Assembly(assembly.part.copy(), assembly.turn.copy())
         other.part[:, pair] = assembly.part[:, pair[::-1]]
         other.turn[:, pair] = 0
-        better = self.errors(self.whole(other)) < self.errors(self.whole(assembly)) - 1e-9
-        return Assembly(
-            *(
-                np.where(better[:, None], new, old)
-                for new, old in ((other.part, assembly.part), (other.turn, assembly.turn))
-            )
-        )
+        return assembly.with_some(other, self.errors(self.whole(other)) < self.errors(self.whole(assembly)) - 1e-9)
 
     def turned(self, assembly: Assembly) -> Assembly:
         """Each part of a unit turned where the unit's error is least, a place after another."""
@@ -256,14 +258,17 @@ class UnitWaves:
         way, cost = errors.argmin(axis=0), self.cost(errors.min(axis=0))
         if known is not None:
             cost += _CHANGE
-            solved = _by_rest(known, one, len(self.parts))
-            for number, name in enumerate(assembly.names()):
-                for of, turned, error in solved.get(_rest(name, one, len(self.parts)), ()):
-                    for column in np.flatnonzero(offered == of):
-                        as_it_is = (of, turned) == (part[number, one], turn[number, one])
-                        if as_it_is or way[number, column] == turned:
-                            way[number, column] = turned
-                            cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
+            count = len(self.parts)
+            units = {_rest(name, one, count): number for number, name in enumerate(assembly.names())}
+            for name, error in known.items():
+                number, of, turned = units.get(_rest(name, one, count)), name[one], name[count + one]
+                if number is None:
+                    continue
+                for column in np.flatnonzero(offered == of):
+                    as_it_is = (of, turned) == (part[number, one], turn[number, one])
+                    if as_it_is or way[number, column] == turned:
+                        way[number, column] = turned
+                        cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
         unit, chosen = scipy.optimize.linear_sum_assignment(cost)
         if len(places) > 1:
             part[:, places], turn[:, places] = part[np.ix_(chosen, places)], turn[np.ix_(chosen, places)]
@@ -274,12 +279,7 @@ class UnitWaves:
     # --- the bound ----------------------------------------------------------------------------------------------------
 
     def bound(self) -> int:
-        """Units within their limits that no assembly can exceed: a part is of no use where no unit with it is good."""
-        possible = self._possible()
-        return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
-
-    def _possible(self) -> dict[int, Flags]:
-        """Whether a part may be in a good unit, for each pool.
+        """Units within their limits that no assembly can exceed: a part is of no use where no unit with it is good.
 
         The difference of a unit's wave at two samples is no more than its peak-to-peak, and the parts of all other
         places together can take no more from it than the best of each.
@@ -298,7 +298,7 @@ class UnitWaves:
                         least = least + (flat[:, high] - (flat[:, low] if span else 0)).min(axis=0)
                     within &= least <= 1 + 1e-6
                 possible[self.pools[place]] |= within
-        return possible
+        return int(min(possible[pool].sum() // self.pools.count(pool) for pool in self.sizes))
 
 
 def placed(waves: UnitWaves, grooves: Array, came: Integers, wave: Array) -> Integers:
@@ -358,13 +358,3 @@ def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Integers) -> tupl
 def _rest(name: tuple[int, ...], place: int, count: int) -> tuple[int, ...]:
     """Name of a unit without its part at one place."""
     return tuple(number for at, number in enumerate(name) if at % count != place)
-
-
-def _by_rest(
-    known: Mapping[tuple[int, ...], float], place: int, count: int
-) -> dict[tuple[int, ...], list[tuple[int, int, float]]]:
-    """Parts at one place, their turns and the unit's true error, by the rest of the unit."""
-    found: dict[tuple[int, ...], list[tuple[int, int, float]]] = {}
-    for name, error in known.items():
-        found.setdefault(_rest(name, place, count), []).append((name[place], name[count + place], error))
-    return found

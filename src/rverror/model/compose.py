@@ -73,18 +73,14 @@ def influence(
     True
     """
     check_kind("key", key, str, "give a key of the catalogue and its indices, such as 'crank.index', crank=0")
-    _check_mechanism(mechanism)
+    remedy = "give reducer('RV-40E'), model.mechanism, or ask model.influence(theta, key)"
+    check_kind("mechanism", mechanism, (Reducer, Drive), remedy)
     entry = source(key)
     entry.check_indices(mechanism, indices)
     angles = whole_turn(mechanism, entry.orders(mechanism, indices)) if theta is None else theta
     motion = pose(mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
     matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
     return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
-
-
-def _check_mechanism(mechanism: Mechanism) -> None:
-    remedy = "give reducer('RV-40E'), model.mechanism, or ask model.influence(theta, key)"
-    check_kind("mechanism", mechanism, (Reducer, Drive), remedy)
 
 
 def source_matrix(motion: Pose, forces: ContactForces, key: str, indices: Mapping[str, IndexValue]) -> Array:

@@ -291,7 +291,6 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
     parameters = {parameter.name: parameter for parameter in entry.parameters}
     indices: dict[str, IndexValue] = {}
     values = dict.fromkeys(parameters, 0.0)
-    given = False
     for name, value in named.items():
         if name in known:
             if wrong := known[name].beyond(value):
@@ -300,15 +299,13 @@ def effect(key: str, *, uncertainty: Any | None = None, origin: str = "", **name
         elif name in parameters:
             values[name] = units.named_core(f"{key}: {name}", value, parameters[name].dimension)
             if values[name] < parameters[name].least:
-                unit = units.DISPLAY_UNITS[parameters[name].dimension]
-                size = units.to_display(values[name], parameters[name].dimension)
-                raise ValueError(f"{key}: {name} = {size:g} {unit}: must be {parameters[name].least:g} or more")
+                size = with_unit(values[name], parameters[name].dimension)
+                raise ValueError(f"{key}: {name} = {size}: must be {parameters[name].least:g} or more")
             if entry.acts != "marks":  # which stand anywhere
                 parameters[name].doubt(f"{key}: {name}", value, values[name])
-            given = True
         else:
             raise ValueError(f"{key}: no index or parameter {name!r}; it takes {', '.join([*known, *parameters])}")
-    if not given:
+    if not named.keys() & parameters.keys():
         raise ValueError(f"{key}: no parameter given; it takes {', '.join(parameters)}")
     sigma = None
     if uncertainty is not None:

@@ -109,14 +109,9 @@ def save_model(path: PathLike, model: Model, *, overwrite: bool = False) -> None
         sections.append("\n".join(["[bench.encoders]", *_lines(reading, Encoders)]))
     sections += [_effect_text(item) for item in model.effects]
     text = "\n\n".join(sections) + "\n"
-    _check_equal(str(path), _model(str(path), text), model)
-    write_file(path, text, overwrite=overwrite)
-
-
-def _check_equal(path: str, got: Model, wanted: Model) -> None:
-    """Nothing is written that would read back as another model."""
-    if got != wanted:
+    if _model(str(path), text) != model:
         raise InputError(f"{path}: the model would not read back equal; make it with reducer() or Drive, and effect()")
+    write_file(path, text, overwrite=overwrite)
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------

@@ -55,18 +55,26 @@ class Closing:
     ----------
     motion : Contacts
     error : ErrorVector, ErrorWaves or ErrorSpots
+    slides : bool
+        Whether pins are meant not into the disc, but along its profile.
     """
 
     motion: Contacts
     error: Displacement
+    slides: bool = False
 
     @property
     def contact(self) -> str:
         """What it closes: a crank that leads its planet holds the planet back on the line of action."""
-        return "mesh" if self.error.contact == "spline" else self.error.contact
+        return "along" if self.slides else "mesh" if self.error.contact == "spline" else self.error.contact
+
+    @property
+    def at(self) -> tuple[slice, ...]:
+        """Which of these contacts, all samples first."""
+        return (slice(None), *self.error.at)
 
     @cached_property
-    def across(self) -> Array:
+    def rows(self) -> Array:
         """Along the action lines of its contacts; both components at bearings."""
         error, reducer = self.error, self.motion.reducer
         if error.contact in BEARINGS:
@@ -74,13 +82,9 @@ class Closing:
         if error.contact == "spline":
             lever = np.broadcast_to(flank_lever(reducer)[:, None], (reducer.cranks, 2, 1))
             return _samples_second(-lever[error.at] * error.vector[..., 0, :])
-        normal = self.motion.pin_normal if error.contact == "pin" else self.motion.mesh_normal
-        return _samples_second(error.along(normal[error.at]))
-
-    @cached_property
-    def along(self) -> Array:
-        """Not into the disc, but along its profile, of pins."""
-        return _samples_second(self.error.along(profile_tangent(self.motion)[self.error.at]))
+        pin_direction = profile_tangent(self.motion) if self.slides else self.motion.pin_normal
+        direction = pin_direction if error.contact == "pin" else self.motion.mesh_normal
+        return _samples_second(error.along(direction[error.at]))
 
 
 def _samples_second(rows: Array) -> Array:
@@ -89,7 +93,7 @@ def _samples_second(rows: Array) -> Array:
 
 
 def by_contact(reducer: Reducer, *, pin: Array, row: Array) -> dict[str, Array]:
-    """Views of arrays of all contacts, samples first, by the contact that a `Closing` names.
+    """Views of arrays of all contacts, samples first, by the contact that a `Closing` names, but ways along profiles.
 
     Parameters
     ----------
@@ -131,7 +135,8 @@ def error_closing(contacts: Geometry, effects: Sequence[Effect], *, slides: bool
     m = n if any(isinstance(one, Compliance) for _, one in found) else 1
     pin, along, row = (np.zeros((n, *shape)) for shape in (pins, pins, (rows,)))
     softer_pin, softer_row = (np.zeros((m, *shape)) for shape in (pins, (rows,)))
-    closed, softer = by_contact(reducer, pin=pin, row=row), by_contact(reducer, pin=softer_pin, row=softer_row)
+    closed = by_contact(reducer, pin=pin, row=row) | {"along": along}
+    softer = by_contact(reducer, pin=softer_pin, row=softer_row)
     clearance = dict.fromkeys(BEARINGS, 0.0)
     for values, closings in found:
         if isinstance(closings, Clearance):
@@ -142,10 +147,8 @@ def error_closing(contacts: Geometry, effects: Sequence[Effect], *, slides: bool
             here += more[..., None] if closings.contact in BEARINGS else more
         else:
             for one in closings:
-                at = (slice(None), *one.error.at)
-                closed[one.contact][at] += _total(values, one.across)
-                if slides and one.contact == "pin":
-                    along[at] += _total(values, one.along)
+                if slides or not one.slides:
+                    closed[one.contact][one.at] += _total(values, one.rows)
     return Errors(pin, along, row, clearance, softer_pin, softer_row)
 
 
@@ -274,7 +277,9 @@ class Geometry:
                 self._closings[name] = error
             else:
                 parts = error if isinstance(error, tuple) else (error,)
-                self._closings[name] = tuple(Closing(self.motion, part) for part in parts)
+                across = [Closing(self.motion, part) for part in parts]
+                along = [Closing(self.motion, part, slides=True) for part in parts if part.contact == "pin"]
+                self._closings[name] = (*across, *along)
         return self._closings[name]
 
 
@@ -339,6 +344,7 @@ def loaded_problem(
                 f"{contact}: compliances of {(least - 1) * unit:.4g} um/kN in all make a contact stiffer than rigid; "
                 f"they must be above {-unit:.4g} um/kN: make them less negative, or the declared stiffness lower"
             )
+    free = errors.clearance["cam"] - preload.crank_bearing, errors.clearance["carrier"] - preload.carrier_bearing
     load, push = np.zeros((sense.size, layout.size)), np.zeros(layout.size)
     load[:, 2], push[2] = -sense * torque, reducer.output_turn
     size = np.atleast_1d(np.asarray(torque, dtype=np.float64))
@@ -352,14 +358,7 @@ def loaded_problem(
         pin_error=errors.pin,
         slide_error=errors.along,
         row_error=errors.row - np.repeat([reducer.gear_backlash / 2, 0.0], [2 * cranks, len(kind) - 2 * cranks]),
-        clearance=np.repeat(
-            [
-                errors.clearance["cam"] - preload.crank_bearing,
-                errors.clearance["carrier"] - preload.carrier_bearing,
-                0.0,
-            ],
-            [cams, cranks, 2],
-        ),
+        clearance=np.repeat([*free, 0.0], [cams, cranks, 2]),
         pin_stiffness=declared[0] / soft[0],
         row_stiffness=declared[kind] / soft[1],
         kind=kind,

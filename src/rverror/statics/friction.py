@@ -529,10 +529,8 @@ def _slid(settled: Settled, rub: Array) -> Settled:
         left = np.abs(state.solution.gradient + load - force).max(axis=1)
         if (left <= np.maximum(strict.tolerance, state.solution.unbalanced)).all():
             break
-        loads, changes = (
-            np.append(loads, load[None], 0)[-_DEPTH:],
-            np.append(changes, (force - load)[None], 0)[-_DEPTH:],
-        )
+        loads = np.append(loads, load[None], 0)[-_DEPTH:]
+        changes = np.append(changes, (force - load)[None], 0)[-_DEPTH:]
         moved, turned = (np.diff(one, axis=0).transpose(1, 2, 0) for one in (loads, changes))
         share = np.linalg.pinv(turned, rcond=1e-8) @ (force - load)[..., None]
         load = force - ((moved + turned) @ share)[..., 0]

@@ -179,8 +179,9 @@ def linearise(
     (2, 2)
     """
     statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    found = statics.linearise(model.effects)
-    return replace(found, state=replace(found.state, model=model, conditions=read))
+    found = statics.settled(model.effects, response=True)
+    state = replace(statics.read(found, model.effects), model=model, conditions=read)
+    return Linearisation(state, statics.motion, found.forces_per_torque())
 
 
 def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, OperatingConditions]:
@@ -191,10 +192,8 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, O
         conditions["torque"] = unit.rated_torque
     where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
     assert isinstance(where.gears, Contacts)
-    statics = replace(_along(where.gears), read_at=where.read.theta)
-    return statics, OperatingConditions(
-        **{field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
-    )
+    read = {field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
+    return replace(statics_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)
 
 
 def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics:
@@ -218,10 +217,10 @@ def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics
     reducer_of(mechanism)
     where = motion(mechanism, conditions)
     assert isinstance(where, Contacts)
-    return _along(where)
+    return statics_along(where)
 
 
-def _along(where: Contacts) -> Statics:
+def statics_along(where: Contacts) -> Statics:
     """Statics along a motion under its torque."""
     if where.load is not None:
         return Statics(Geometry(where), where.reducer, np.abs(where.load))
@@ -281,6 +280,16 @@ class Statics:
         """Nominal motion."""
         return self.contacts.motion
 
+    @property
+    def idle(self) -> bool:
+        """Whether the load vanishes."""
+        return not np.any(self.torque)
+
+    def problem(self, effects: tuple[Effect, ...], *, response: bool) -> Problem:
+        """Equilibrium with these errors, of which those count that the contacts feel."""
+        load = carried_torque(self.reducer, self.torque)
+        return loaded_problem(self.contacts, self.reducer, felt(effects), load, response=response or self.idle)
+
     def elastic(self, reducer: Reducer) -> Statics:
         """The same motion of a reducer with other stiffness, backlash or contact law, and the same geometry.
 
@@ -324,16 +333,14 @@ class Statics:
         NotConvergedError
             If the equilibrium was not found at some angle.
         """
-        idle = not isinstance(self.torque, np.ndarray) and not self.torque
-        torque = carried_torque(self.reducer, self.torque)
         try:
-            problem = loaded_problem(self.contacts, self.reducer, felt(effects), torque, response=response or idle)
+            problem = self.problem(effects, response=response)
         except ValueError as error:
             raise NotConvergedError(str(error)) from error
-        solution = solve(problem, near=start, response=response or idle)
-        check_found(solution, self.motion.theta, idle=idle)
+        solution = solve(problem, near=start, response=response or self.idle)
+        check_found(solution, self.motion.theta, idle=self.idle)
         found = Settled(self.contacts, self.reducer, problem, solution)
-        return found.unloaded() if idle else found
+        return found.unloaded() if self.idle else found
 
     def predict(self, effects: tuple[Effect, ...], start: Array | None = None) -> Prediction:
         """Turn of the output and its changes with all parameters, from one solution."""
@@ -347,14 +354,9 @@ class Statics:
 
     def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
         """`equilibrium` for these errors."""
-        return self._read(self.settled(effects), effects)
+        return self.read(self.settled(effects), effects)
 
-    def linearise(self, effects: tuple[Effect, ...]) -> Linearisation:
-        """`linearise` for these errors."""
-        found = self.settled(effects, response=True)
-        return Linearisation(self._read(found, effects), self.motion, found.forces_per_torque())
-
-    def _read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
+    def read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
         """State as it is read."""
         state = found.equilibrium()
         # what acts beyond the contacts keeps to the bench's zero, with all that stands there
@@ -529,11 +531,9 @@ class Settled(OneLine):
     def forces_per_torque(self) -> ContactForces:
         """Change of the contact forces per unit of output torque with the closed contacts held closed."""
         solution, along = self.solution, by_contact(self.reducer, pin=self.solution.pins, row=self._directions())
-        carried = self._vectors(*self._pressed_in())
+        carried, slides = self._vectors(*self._pressed_in()), solution.slide_change if self.problem.share else None
         return {
-            **self._vectors(
-                solution.pin_change, solution.row_change, solution.slide_change if self.problem.share else None
-            ),
+            **self._vectors(solution.pin_change, solution.row_change, slides),
             **{f"{key} direction": samples_last(along[key]) for key in BEARINGS},
             **{f"{key} carried": carried[key] for key in YIELDING},
             "output": np.ones((1, len(solution.x))),
@@ -543,17 +543,14 @@ class Settled(OneLine):
         """Change of the output angle per parameter (parameters, n): what an effect closes times the forces there."""
         solution, rows = self.solution, [np.zeros((0, len(self.solution.x)))]
         changes = by_contact(self.reducer, pin=solution.pin_change, row=solution.row_change)
+        changes["along"] = solution.slide_change
         for effect in effects:
             closings = self.contacts.closings(effect)
             if isinstance(closings, (Clearance, Compliance)):
                 rows.append(self.yielding(closings))
                 continue
-            parts = []
-            for one in closings:
-                here = (slice(None), *one.error.at)
-                parts.append(_work(one.across, changes[one.contact][here]))
-                if self.problem.share and one.contact == "pin":
-                    parts.append(_work(one.along, solution.slide_change[here]))
+            acting = [one for one in closings if self.problem.share or not one.slides]
+            parts = [_work(one.rows, changes[one.contact][one.at]) for one in acting]
             rows.append(parts[0] if len(parts) == 1 else np.sum(parts, axis=0))
         return np.concatenate(rows)
 

@@ -212,8 +212,9 @@ class Wear(Viewed):
         """
         if not self.hours[0] <= hours <= self.hours[-1]:
             raise ValueError(f"hours = {hours:g}: must lie within 0 to {self.hours[-1]:g}, which were computed")
-        row = np.array([np.interp(hours, self.hours, column) for column in self.sizes.T])
-        return self.model.with_effects(*_with_sizes(self.effects, row))
+        sizes = iter([float(np.interp(hours, self.hours, column)) for column in self.sizes.T])
+        worn = [replace(one, values=tuple(next(sizes) for _ in one.values)) for one in self.effects]
+        return self.model.with_effects(*worn)
 
 
 @renamed(speed="input_speed")
@@ -335,15 +336,12 @@ def wear(
     theta, told = np.asarray(turn * np.arange(angles) / angles), _row_of_hours(hours)
     whole, size = sum(one.hours for one in cycle), max(one.torque for one in works)
     # every side of every phase, the output's turn that one hour of the duty has of it, rad, and whether it is told
-    parts = [
-        (
-            statics_of(unit, OperatingConditions(theta, side, one.torque)),
-            3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides),
-            one.torque == size,
-        )
-        for one in works
-        for side in sides
-    ]
+    parts = []
+    for one in works:
+        turned = 3600 * one.speed / abs(unit.ratio) * one.hours / whole / len(sides)
+        for side in sides:
+            statics = statics_of(unit, OperatingConditions(theta, side, one.torque))
+            parts.append((statics, turned, one.torque == size))
     worn, swings = zip(*_states(wearing, errors, parts, told), strict=True)
     rated = model if unit.rated_torque else replace(model, mechanism=replace(unit, rated_torque=size))
     effects = [wearing.effects(one) for one in worn]
@@ -560,35 +558,30 @@ class _Wearing:
 
     def effects(self, worn: _Worn) -> tuple[Effect, ...]:
         """What is worn as errors of the catalogue."""
-        patch = _waves_of(worn.pin) if self.fixed else np.zeros(_H.size)
-        told = {
-            LOBE_PROFILE: (_H, worn.lobes + patch, self._wears("disc") or (self._wears("pin") and self.fixed)),
-            DISC_PROFILE: (_SLOW, worn.slow, self.by.disc and self.errors),
-        }
-        made = [
-            effect(key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag), origin=_ORIGIN)
-            for key, (harmonics, discs, wears) in told.items()
-            if wears
-            for disc, waves in enumerate(discs)
-            for h, wave in zip(harmonics, waves, strict=True)
-        ]
-        if self._wears("pin") and not self.fixed:
-            made.append(effect(PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]), origin=_ORIGIN))
-        if self.by.pin and not self.alike:
-            made += [
-                effect(PIN_RADIUS, pin=pin, deviation=-float(depth), origin=_ORIGIN)
-                for pin, depth in enumerate(worn.each_pin)
-            ]
+        made: list[Effect] = []
+
+        def add(wears: bool | float, key: str, **named: Any) -> None:
+            if wears:
+                made.append(effect(key, **named, origin=_ORIGIN))
+
+        lobes = worn.lobes + (_waves_of(worn.pin) if self.fixed else np.zeros(_H.size))
+        for key, harmonics, discs, wears in (
+            (LOBE_PROFILE, _H, lobes, self._wears("disc") or (self._wears("pin") and self.fixed)),
+            (DISC_PROFILE, _SLOW, worn.slow, self.by.disc and self.errors),
+        ):
+            for disc, waves in enumerate(discs):
+                for h, wave in zip(harmonics, waves, strict=True):
+                    add(wears, key, disc=disc, harmonic=int(h), cos=-float(wave.real), sin=-float(wave.imag))
+        add(self._wears("pin") and not self.fixed, PIN_RADIUS, pin="all", deviation=-float(worn.pin[0]))
+        for pin, depth in enumerate(worn.each_pin):
+            add(self.by.pin and not self.alike, PIN_RADIUS, pin=pin, deviation=-float(depth))
         for member, size in zip(("sun", "planet"), worn.thinning, strict=True):
-            if self._wears(member):
-                made.append(effect(TOOTH_THINNING, member=member, thinning=float(size), origin=_ORIGIN))
-        gaining: tuple[tuple[str, float, list[dict[str, int]]], ...] = (
-            (BEARING_CLEARANCE, self.by.cam_bearing, [{}]),
-            (CARRIER_CLEARANCE, self.by.carrier_bearing, [{}]),
-            (SPLINE_CLEARANCE, self.by.spline, [{"crank": crank} for crank in range(self.reducer.cranks)]),
-        )
-        for (key, gains, places), size in zip(gaining, worn.joints.tolist(), strict=True):
-            made += [effect(key, clearance=size, origin=_ORIGIN, **at) for at in places if gains]
+            add(self._wears(member), TOOTH_THINNING, member=member, thinning=float(size))
+        cam, carrier, spline = worn.joints.tolist()
+        add(self.by.cam_bearing, BEARING_CLEARANCE, clearance=cam)
+        add(self.by.carrier_bearing, CARRIER_CLEARANCE, clearance=carrier)
+        for crank in range(self.reducer.cranks):
+            add(self.by.spline, SPLINE_CLEARANCE, crank=crank, clearance=spline)
         return tuple(made)
 
     def deepest(self, worn: _Worn) -> float:
@@ -607,10 +600,8 @@ def _by_phase(amount: Array, lead: Array) -> Array:
     at = np.mod(lead, 2 * math.pi).ravel() / _STEP - 0.5
     low = np.floor(at).astype(np.intp)
     share, size = at - low, amount.ravel()
-    return np.asarray(
-        np.bincount(low % _PHASES, (1 - share) * size, minlength=_PHASES)
-        + np.bincount((low + 1) % _PHASES, share * size, minlength=_PHASES)
-    )
+    beside, shares = np.concatenate([low, low + 1]) % _PHASES, np.concatenate([1 - share, share])
+    return np.asarray(np.bincount(beside, shares * np.tile(size, 2), minlength=_PHASES))
 
 
 _ORIGIN = "wear"
@@ -658,13 +649,6 @@ def _states(
             first, approach, swing = solved(x)
             at, steps = (end if count == 1 else at + step), steps + 1
         yield wearing.lost(x), swing
-
-
-def _with_sizes(effects: Sequence[Effect], sizes: Array) -> tuple[Effect, ...]:
-    """The same effects of other sizes."""
-    stops = np.cumsum([len(one.values) for one in effects])
-    parts = zip(effects, np.split(sizes, stops[:-1]), strict=True)
-    return tuple(replace(one, values=tuple(map(float, part))) for one, part in parts)
 
 
 #: What may be fitted.

@@ -36,32 +36,27 @@ class GroupWaves:
     """
 
     def __init__(self, groups: Sequence[WorstGroup], scaled: Array, nominal: Array | None = None) -> None:
-        """Sum the rows of instances that move as one; the nominal error is a box that is always at its limit."""
-        count = scaled.shape[1]
-        waves = [group.radius * scaled[group.components].sum(axis=0) for group in groups]
-        boxes = [wave[0] for wave in waves if wave.shape[0] == 1] + ([] if nominal is None else [nominal])
-        circles = [wave for wave in waves if wave.shape[0] == 2]
-        self.count = count
-        self.box = np.array(boxes).reshape(-1, count).T.copy()
-        self.x, self.y = (np.array([wave[axis] for wave in circles]).reshape(-1, count).T.copy() for axis in (0, 1))
+        """Sum the rows of instances that move as one; the nominal error is a wave that is always at its limit."""
+        self.count = scaled.shape[1]
+        rows = [group.radius * scaled[group.components].sum(axis=0) for group in groups]
+        waves = [wave[0] if len(wave) == 1 else wave[0] + 1j * wave[1] for wave in rows]
+        waves += [] if nominal is None else [nominal]
+        #: (n, groups); of vectors x + i y.
+        self.waves = np.array(waves, dtype=np.complex128).reshape(-1, self.count).T.copy()
 
     def distance(self, i: Integers, j: Integers) -> Array:
         """Distance of pairs of angles."""
-        x, y = self.x[i] - self.x[j], self.y[i] - self.y[j]
-        straight = np.abs(self.box[i] - self.box[j]).sum(axis=-1)
-        return np.asarray(straight + np.sqrt(x * x + y * y).sum(axis=-1), dtype=np.float64)
+        return np.asarray(np.abs(self.waves[i] - self.waves[j]).sum(axis=-1), dtype=np.float64)
 
     def size(self) -> Array:
         """Sum of ``|w|`` at each angle, shape (n,)."""
-        return np.asarray(np.abs(self.box).sum(axis=1) + np.hypot(self.x, self.y).sum(axis=1), dtype=np.float64)
+        return np.asarray(np.abs(self.waves).sum(axis=1), dtype=np.float64)
 
     def peak_to_peaks(self) -> Array:
-        """Largest peak-to-peak of each group alone, boxes first; of circles seen from many directions, to 1e-4."""
-        turns = np.pi * np.arange(_DIRECTIONS)[:, None] / _DIRECTIONS
-        circles = [
-            np.ptp(np.cos(turns) * x + np.sin(turns) * y, axis=1).max() for x, y in zip(self.x.T, self.y.T, strict=True)
-        ]
-        return np.concatenate([np.ptp(self.box, axis=0), circles])
+        """Largest peak-to-peak of each group alone; of vectors seen from many directions, to 1e-4."""
+        turns = np.exp(1j * np.pi * np.arange(_DIRECTIONS)[:, None] / _DIRECTIONS)
+        seen = ((turns if wave.imag.any() else turns[:1]) * wave for wave in self.waves.T)
+        return np.array([np.ptp(wave.real, axis=1).max() for wave in seen])
 
     def farthest(self) -> tuple[float, int, int]:
         """Largest distance of two angles, exact, and their places."""
@@ -105,12 +100,10 @@ class GroupWaves:
 
     def _features(self) -> Array:
         """Points whose Euclidean distance is a bound on `distance`, by Cauchy and Schwarz."""
-        usual = [np.sqrt(2 * self.box.var(axis=0)), np.sqrt(2 * (self.x.var(axis=0) + self.y.var(axis=0)))]
-        waves = np.concatenate([self.box, self.x, self.y], axis=1)
-        weight = np.concatenate([usual[0], usual[1], usual[1]])
-        moving = weight > 0
-        total = float(usual[0].sum() + usual[1].sum())
-        points = (waves - waves.mean(axis=0))[:, moving] * np.sqrt(total / weight[moving])
+        usual = np.sqrt(2 * self.waves.var(axis=0))
+        waves, weight = np.concatenate([self.waves.real, self.waves.imag], axis=1), np.tile(usual, 2)
+        moving = np.ptp(waves, axis=0) > 0
+        points = (waves - waves.mean(axis=0))[:, moving] * np.sqrt(usual.sum() / weight[moving])
         return np.ascontiguousarray(points)
 
 

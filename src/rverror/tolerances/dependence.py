@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import scipy
 
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.errors import InputError, refusing
@@ -104,17 +103,14 @@ def dependence(
         for i, j in np.argwhere(alike):
             to, origin = (rule.class_variates.start + rule.alike[at] for rule, at in ((one, i), (other, j)))
             columns.add((to, origin, fit.opposite))
-    own = [normal_correlation(laws[e], laws[e], rules[e].correlation) for e in joined]
-    within = scipy.linalg.block_diag(
-        *(
-            np.kron((1 - value) * np.eye(rules[e].instances) + value, np.eye(rules[e].terms))
-            for e, value in zip(joined, own, strict=True)
-        )
-    )
+    correlation = across + across.T
+    for e in joined:
+        alike_by = normal_correlation(laws[e], laws[e], rules[e].correlation)
+        own = (1 - alike_by) * np.eye(rules[e].instances) + alike_by
+        correlation[rules[e].components, rules[e].components] = np.kron(own, np.eye(rules[e].terms))
     rows = [row for e in joined for row in range(rules[e].components.start, rules[e].components.stop)]
     owner = [e for e in joined for _ in range(rules[e].instances * rules[e].terms)]
-    among = (across + across.T)[np.ix_(rows, rows)] if rows else within
-    factor = _root(within + among, owner, labels) if rows else np.empty((0, 0))
+    factor = _root(correlation[np.ix_(rows, rows)], owner, labels) if rows else np.empty((0, 0))
     return Dependence(factor, between + between.T, tuple(sorted(columns)))
 
 

@@ -63,66 +63,6 @@ def _turns(units: LoadedUnits, points: Array) -> Array:
     return np.where(known, found, np.mean(found, axis=0, where=known))
 
 
-def loaded_budget(
-    units: LoadedUnits,
-    closed: Budget,
-    linear: VirtualUnits,
-    *,
-    count: int,
-    points: int,
-    seed: int,
-    progress: Progress | None,
-) -> LoadedBudget:
-    """Solve units at the loads of limits and tell what their tolerances make of each quantity.
-
-    Parameters
-    ----------
-    units : LoadedUnits
-        A limit without a value asks for the distribution alone.
-    closed : Budget
-        Of the same tolerances in closed form: whose worst parts are tried.
-    linear : VirtualUnits
-        Of the closed form, for the yield beside.
-    count : int
-        Units, 16 or more.
-    points : int
-        Of the Sobol indices; 0 for none.
-    seed : int
-    progress : callable, optional
-        Called with a line of text as the work goes on.
-
-    Returns
-    -------
-    LoadedBudget
-
-    Raises
-    ------
-    InputError
-        If a setting is unusable.
-    """
-    if count < _FEWEST:
-        raise InputError(f"count = {count}: too few units at the load for an interval; give {_FEWEST} or more")
-    stack = units.stack
-    found = verified(units, stack.width, count=count, seed=seed, progress=progress)
-    indices: tuple[SobolIndices | None, ...] = (None,) * len(units.limits)
-    if points:
-        indices = sobol_indices(
-            partial(_turns, units), stack.variate_entry, len(units.limits), count=points, seed=seed, progress=progress
-        )
-    errors = [one.quantity == "transmission_error" for one in units.limits]
-    worst = units.solved((closed.worst.peak_to_peak_values / stack.width[stack.entry])[None], stack.width).turns[0]
-    known = [
-        linear.yield_at(one.value).value if error and one.value is not None else None
-        for one, error in zip(units.limits, errors, strict=True)
-    ]
-    return LoadedBudget(
-        found,
-        tuple(None if one is None else without_joined(one, stack) for one in indices),
-        tuple(known),
-        tuple(float(turn) if error else None for turn, error in zip(worst, errors, strict=True)),
-    )
-
-
 #: Points of the Sobol indices where no number is given.
 INDEX_COUNT = 2**13
 
@@ -240,13 +180,27 @@ def error_budget(
         indices = stack_indices(laid_out, count=index_count, seed=seed, executor=executor, progress=progress)
     at_load = None
     if limits:
-        at_load = loaded_budget(
-            loaded_units(model, tolerances, limits, direction=direction),
-            closed,
-            units,
-            count=loaded_count,
-            points=POINTS if index_count else 0,
-            seed=seed,
-            progress=progress,
+        if loaded_count < _FEWEST:
+            raise InputError(
+                f"count = {loaded_count}: too few units at the load for an interval; give {_FEWEST} or more"
+            )
+        loaded = loaded_units(model, tolerances, limits, direction=direction)
+        width, drawn_by = loaded.stack.width, loaded.stack.variate_entry
+        found = verified(loaded, width, count=loaded_count, seed=seed, progress=progress)
+        shares: tuple[SobolIndices | None, ...] = (None,) * len(limits)
+        if index_count:
+            turns = partial(_turns, loaded)
+            shares = sobol_indices(turns, drawn_by, len(limits), count=POINTS, seed=seed, progress=progress)
+        errors = [one.quantity == "transmission_error" for one in loaded.limits]
+        worst = loaded.solved((closed.worst.peak_to_peak_values / width[loaded.stack.entry])[None], width).turns[0]
+        known = [
+            units.yield_at(one.value).value if error and one.value is not None else None
+            for one, error in zip(loaded.limits, errors, strict=True)
+        ]
+        at_load = LoadedBudget(
+            found,
+            tuple(None if one is None else without_joined(one, loaded.stack) for one in shares),
+            tuple(known),
+            tuple(float(turn) if error else None for turn, error in zip(worst, errors, strict=True)),
         )
     return ErrorBudget(model, tuple(tolerances), laid_out, direction, closed, units, indices, at_load)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -28,9 +28,9 @@ from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.model.readings import added, felt, stand, unread
-from rverror.statics.energy import Geometry, by_contact, loaded_problem, solve
-from rverror.statics.loaded_state import NotConvergedError, Settled, carried_torque, check_found
+from rverror.model.readings import added, stand, unread
+from rverror.statics.energy import by_contact, solve
+from rverror.statics.loaded_state import NotConvergedError, Settled, Statics, check_found, statics_along
 from rverror.tolerances.specification import Limit
 from rverror.tolerances.stacking import Stack
 
@@ -100,56 +100,27 @@ class _Closings:
     width: int  # contacts of an angle: pins, their ways along the profiles where these count, flanks and bearings
     matrix: Any  # sparse, shape (angles * width, components); mm per core unit
 
-    @property
-    def angles(self) -> int:
-        """Of the turn."""
-        return int(self.matrix.shape[0]) // self.width
-
-    @cached_property
-    def _by_component(self) -> Any:
-        """The same entries, from all contacts of an angle to each component, (angles * components, angles * width)."""
-        entries, count = self.matrix.tocoo(), self.matrix.shape[1]
-        contact, component = entries.coords
-        shape, place = (self.angles * count, self.matrix.shape[0]), contact // self.width * count + component
-        return _compact(scipy.sparse.csr_array((entries.data, (place, contact)), shape=shape))
-
     def closed(self, values: Array, places: Integers) -> Array:
         """What the components' values close at some angles, mm, shape (places, width)."""
-        if self._most(places):
-            return np.asarray((self.matrix @ values).reshape(-1, self.width)[places], dtype=np.float64)
         return np.asarray((self.matrix[self._rows(places)] @ values).reshape(-1, self.width), dtype=np.float64)
 
     def work(self, forces: Array, places: Integers) -> Array:
         """Work of forces on all contacts at some angles by one unit of each component, shape (places, components)."""
-        if self._most(places):
-            everywhere = np.zeros((self.angles, self.width))
-            everywhere[places] = forces
-            return np.asarray((self._by_component @ everywhere.ravel()).reshape(self.angles, -1)[places])
         own = np.arange(0, forces.size + 1, self.width, dtype=np.int32)  # of each angle its own contacts
         shape = places.size, self.matrix.shape[0]
         forced = scipy.sparse.csr_array((forces.ravel(), self._rows(places), own), shape=shape)
         return np.asarray((forced @ self.matrix).toarray(), dtype=np.float64)
 
-    def _most(self, places: Integers) -> bool:
-        """Whether all angles are multiplied sooner than some of them are picked."""
-        return bool(2 * places.size > self.angles)
-
     def _rows(self, places: Integers) -> npt.NDArray[np.int32]:
         return np.asarray((places[:, None] * self.width + np.arange(self.width)).ravel(), dtype=np.int32)
-
-
-def _compact(matrix: Any) -> Any:
-    """The same sparse matrix with indices of 32 bits, which a product reads a quarter sooner."""
-    matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    return matrix
 
 
 @dataclass(frozen=True)
 class LoadedTurn:
     """Even angles of a turn in one direction under one torque, and what the components do there."""
 
-    model: Model
-    geometry: Geometry
+    statics: Statics
+    effects: tuple[Effect, ...]  # of the declared model
     closings: _Closings
     yielding: tuple[tuple[Clearance | Compliance, Instance], ...]
     nominal: Array  # (n,), rad: what the declared model adds beyond the contacts
@@ -171,15 +142,12 @@ class LoadedTurn:
         load = torque_or_load(torque if callable(torque) else InCore(torque))
         where = stand(model, pose(model.mechanism, theta, direction=direction, **load))
         assert isinstance(where.gears, Contacts)
-        assert isinstance(model.mechanism, Reducer)
-        geometry, count = Geometry(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
+        statics, count = statics_along(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
         beyond, yielding = np.zeros((count, angles)), []
-        rows: list[Integers] = []
-        columns: list[Integers] = []
-        sizes: list[Array] = []
-        slides = model.mechanism.contact_law.profile_curvature > 0
-        width, number = _numbered(model.mechanism, len(geometry.sparse[1]), angles, slides=slides)
+        rows, columns, sizes = [np.empty(0, np.intp)], [np.empty(0, np.intp)], [np.empty(0)]
+        slides = statics.reducer.contact_law.profile_curvature > 0
+        width, number = _numbered(statics.reducer, len(statics.contacts.sparse[1]), angles, slides=slides)
         for one in every:
             acts = source(one.key).acts
             if acts not in counted:
@@ -190,55 +158,30 @@ class LoadedTurn:
                 for parameter, component in one.at:
                     beyond[component] += vector.vector[parameter, 0]
                 continue
-            parts = geometry.closings(one.unit)
+            parts = statics.contacts.closings(one.unit)
             if isinstance(parts, (Clearance, Compliance)):
                 yielding.append((parts, one))
                 continue
-            for part in parts:
-                closed = [(number[part.contact], part.across)]
-                closed += [(number["along"], part.along)] if slides and part.contact == "pin" else []
-                for places, sizes_of in closed:
-                    at = places[(slice(None), *part.error.at)]
-                    for parameter, component in one.at:
-                        size = np.broadcast_to(sizes_of[parameter], at.shape)
-                        some = size != 0
-                        rows.append(at[some])
-                        columns.append(np.full(rows[-1].size, component))
-                        sizes.append(size[some])
-        shape = (angles * width, count)
-        place = np.concatenate([np.empty(0, np.intp), *rows]), np.concatenate([np.empty(0, np.intp), *columns])
-        matrix = _compact(scipy.sparse.csr_array((np.concatenate([np.empty(0), *sizes]), place), shape=shape))
+            for part in (part for part in parts if slides or not part.slides):
+                at = number[part.contact][part.at]
+                for parameter, component in one.at:
+                    size = np.broadcast_to(part.rows[parameter], at.shape)
+                    some = size != 0
+                    rows.append(at[some])
+                    columns.append(np.full(rows[-1].size, component))
+                    sizes.append(size[some])
+        place = np.concatenate(rows), np.concatenate(columns)
+        matrix = scipy.sparse.csr_array((np.concatenate(sizes), place), shape=(angles * width, count))
+        # with indices of 32 bits, which a product reads a quarter sooner
+        matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
         closings = _Closings(width, matrix)
         nominal = added((model if reads else unread(model)).effects, where.read)
-        return cls(model, geometry, closings, tuple(yielding), nominal, beyond)
-
-    @property
-    def reducer(self) -> Reducer:
-        """Of the model."""
-        assert isinstance(self.model.mechanism, Reducer)
-        return self.model.mechanism
-
-    @property
-    def torque(self) -> float | Array:
-        """Size on the output, at each angle where it changes, N*mm; 0 for a vanishing load."""
-        where = self.geometry.motion
-        return where.torque or 0.0 if where.load is None else np.abs(where.load)
-
-    @cached_property
-    def idle(self) -> bool:
-        """Whether the load vanishes."""
-        return not np.any(self.torque)
+        return cls(statics, model.effects, closings, tuple(yielding), nominal, beyond)
 
     @cached_property
     def problem(self) -> Problem:
         """Equilibrium of the declared model at all angles."""
-        return self._problem(())
-
-    def _problem(self, effects: tuple[Effect, ...]) -> Problem:
-        """The same with more effects."""
-        load = carried_torque(self.reducer, self.torque)
-        acting = (*felt(self.model.effects), *effects)
-        return loaded_problem(self.geometry, self.reducer, acting, load, response=self.idle)
+        return self.statics.problem(self.effects, response=False)
 
     @cached_property
     def first(self) -> tuple[Integers, Problem]:
@@ -273,24 +216,24 @@ class LoadedTurn:
             clearance=clearance,
         )
         if problem.share:
-            problem = problem._replace(
-                slide_error=problem.slide_error + closed[:, count : 2 * count].reshape(pins.shape)
-            )
+            slides = closed[:, count : 2 * count].reshape(pins.shape)
+            problem = problem._replace(slide_error=problem.slide_error + slides)
         if any(isinstance(part, Compliance) for part, _ in self.yielding):
             problem = self._softened(problem, values, at)
-        solution = solve(problem, near=near, response=response or self.idle)
-        check_found(solution, self.geometry.motion.theta[at], idle=self.idle)
+        solution = solve(problem, near=near, response=response or self.statics.idle)
+        check_found(solution, self.statics.motion.theta[at], idle=self.statics.idle)
         return TurnState(self, at, problem, solution)
 
     def _bearings(self, contact: str) -> slice:
-        cams = self.reducer.discs * self.reducer.cranks
-        return slice(0, cams) if contact == "cam" else slice(cams, cams + self.reducer.cranks)
+        cranks = self.statics.reducer.cranks
+        cams = self.statics.reducer.discs * cranks
+        return slice(0, cams) if contact == "cam" else slice(cams, cams + cranks)
 
     def _softened(self, problem: Problem, values: Array, places: Integers) -> Problem:
         """The same with contacts that give way more than nominal."""
         effects = tuple(one.effect(values) for part, one in self.yielding if isinstance(part, Compliance))
         try:
-            softer = _some(self._problem(effects), places)
+            softer = _some(self.statics.problem((*self.effects, *effects), response=False), places)
         except ValueError as error:
             raise NotConvergedError(str(error)) from error
         return problem._replace(pin_stiffness=softer.pin_stiffness, row_stiffness=softer.row_stiffness)
@@ -326,7 +269,7 @@ class TurnState:
     @property
     def output(self) -> Array:
         """Turn of the output, less what acts beyond the contacts, rad."""
-        return (self._settled.unloaded() if self.line.idle else self._settled).transmission_error
+        return (self._settled.unloaded() if self.line.statics.idle else self._settled).transmission_error
 
     def some(self, chosen: Integers) -> TurnState:
         """The same at a few of its angles, with changes per unit of output torque."""
@@ -353,7 +296,7 @@ class TurnState:
 
     @cached_property
     def _settled(self) -> Settled:
-        return Settled(self.line.geometry, self.line.reducer, self.problem, self.solution)
+        return Settled(self.line.statics.contacts, self.line.statics.reducer, self.problem, self.solution)
 
 
 def _some(problem: Problem, places: Integers) -> Problem:
@@ -411,15 +354,16 @@ class LoadedUnits:
         Of the components, core units.
     limits : tuple of Limit
         With their torques.
-    direction : float
-        +1 forward, -1 reverse: of the transmission error.
+    directions : tuple of float
+        Of each limit +1 forward, -1 reverse: of the transmission error.
     """
 
     model: Model
     stack: Stack
     means: Array
     limits: tuple[Limit, ...]
-    direction: float
+    directions: tuple[float, ...]
+    _lines: dict[tuple[float | TorqueLaw, float, int], LoadedTurn] = field(default_factory=dict, repr=False, init=False)
 
     def solved(
         self,
@@ -454,46 +398,38 @@ class LoadedUnits:
         Solved
         """
         values = self.means + drawn * widths[self.stack.entry]
-
         before = near.poses if near is not None else ()
         none: _Poses = (None,) * len(self.limits)
+        largest = np.full((len(drawn), len(self.limits), _KEPT**2), -np.inf)
+        slope = np.zeros((*largest.shape, len(widths) if slopes else 0))
+        belongs = self.stack.entry[:, None] == np.arange(len(widths))
 
-        def unit(number: int) -> list[_LargestTurns] | str:
-            poses = before[number] if number < len(before) else none
+        def unit(number: int) -> tuple[_Poses, str]:
+            starts, poses = before[number] if number < len(before) else none, []
             try:
-                return [
-                    self._between(one, values[number], slopes=slopes, near=first)
-                    if one.loads
-                    else self._span(one, values[number], slopes=slopes, decide=decide, near=first)
-                    for one, first in zip(self.limits, poses, strict=True)
-                ]
+                for place, (one, way, first) in enumerate(zip(self.limits, self.directions, starts, strict=True)):
+                    if one.loads:
+                        found = self._between(one, values[number], slopes=slopes, near=first)
+                    else:
+                        found = self._span(one, way, values[number], slopes=slopes, decide=decide, near=first)
+                    largest[number, place, : found.turns.size] = found.turns
+                    if slopes:
+                        slope[number, place, : found.turns.size] = (found.changes * drawn[number]) @ belongs
+                    poses.append(found.poses)
             except NotConvergedError as problem:
-                return f"unit {number}: {problem}"
+                largest[number] = np.inf
+                return none, f"unit {number}: {problem}"
             finally:
                 if progress is not None:
                     progress(number + 1)
+            return poses, ""
 
-        found = each(unit, range(len(drawn)))
-        kept = _KEPT**2
-        largest = np.full((len(drawn), len(self.limits), kept), -np.inf)
-        slope = np.zeros((len(drawn), len(self.limits), kept, len(widths))) if slopes else None
-        belongs = self.stack.entry[:, None] == np.arange(len(widths))
-        for number, rows in enumerate(found):
-            if isinstance(rows, str):
-                largest[number] = np.inf
-                continue
-            for place, (turns, changes, _) in enumerate(rows):
-                largest[number, place, : turns.size] = turns
-                if slope is not None:
-                    slope[number, place, : turns.size] = (changes * drawn[number]) @ belongs
-        failures = tuple(one for one in found if isinstance(one, str))
-        if not slopes:
-            return Solved(largest.max(axis=2), failures)
-        poses = tuple(none if isinstance(rows, str) else [one.poses for one in rows] for rows in found)
-        return Solved(largest.max(axis=2), failures, largest, slope, poses)
+        poses, said = zip(*each(unit, range(len(drawn))), strict=True)
+        turns, failures = largest.max(axis=2), tuple(filter(None, said))
+        return Solved(turns, failures, largest, slope, poses) if slopes else Solved(turns, failures)
 
     def _span(
-        self, limit: Limit, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
+        self, limit: Limit, direction: float, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
     ) -> _LargestTurns:
         """Turns between the highest and the lowest places of a revolution.
 
@@ -501,7 +437,7 @@ class LoadedUnits:
         angles miss the peaks, of what it rides on they do not.
         """
         assert limit.torque is not None
-        line = self.line(limit.torque, self.direction, FINE, reads=True)
+        line = self.line(limit.torque, direction, FINE, reads=True)
         first = line.state(values, near=None if near is None else near[0])
         places, poses, output = first.places, first.solution.x, line.read(first, values)
         for halving, count in enumerate(_HALVED, 1):
@@ -524,16 +460,21 @@ class LoadedUnits:
         return _LargestTurns(turns, (up[:, None] - down).reshape(turns.size, -1), [first.solution.x])
 
     def _between(self, limit: Limit, values: Array, *, slopes: bool, near: list[Array] | None) -> _LargestTurns:
-        """Turns between torques at the angles where they are largest; a torque drives the output against the motion."""
-        total = np.zeros(POSITIONS)
-        states = []
-        for number, (torque, weight) in enumerate(limit.loads):
-            line = self.line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False)
-            states.append((line.state(values, near=None if near is None else near[number]), weight))
-            total += weight * line.read(states[-1][0], values)
+        """Turns between torques at the angles where they are largest."""
+        starts: Sequence[Array | None] = near or [None] * len(limit.loads)
+        lines = zip(self.between(limit), starts, strict=True)
+        states = [(line.state(values, near=first), weight) for (line, weight), first in lines]
+        total = np.sum([weight * state.line.read(state, values) for state, weight in states], axis=0)
         largest = np.argsort(-total)[: _KEPT if slopes else 1]
         changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
         return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
+
+    def between(self, limit: Limit) -> list[tuple[LoadedTurn, float]]:
+        """Turns under each of a limit's torques with its weight; a torque drives the output against the motion."""
+        return [
+            (self.line(abs(torque), -math.copysign(1.0, torque), POSITIONS, reads=False), weight)
+            for torque, weight in limit.loads
+        ]
 
     def line(self, torque: float | TorqueLaw, direction: float, angles: int, *, reads: bool) -> LoadedTurn:
         """Turn under one torque, prepared once; `reads` tells whether what only misreads the output counts."""
@@ -543,10 +484,6 @@ class LoadedUnits:
                 self.model, instances_of(self.stack), angles=angles, direction=direction, torque=torque, reads=reads
             )
         return self._lines[name]
-
-    @cached_property
-    def _lines(self) -> dict[tuple[float | TorqueLaw, float, int], LoadedTurn]:
-        return {}
 
 
 def _middle(places: Integers, poses: Array, more: Integers) -> Array:

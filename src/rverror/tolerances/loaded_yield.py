@@ -193,7 +193,7 @@ def loaded_units(
     read = check_limits(limits, model.mechanism)
     laid = stack(model, tolerances, direction=direction, torque=InCore(max(one.largest for one in read)) or None)
     means = [tolerances[e].mean.get(c.parameter, 0.0) for c, e in zip(laid.components, laid.entry, strict=True)]
-    return LoadedUnits(model, laid, np.array(means), read, direction_sign(direction))
+    return LoadedUnits(model, laid, np.array(means), read, (direction_sign(direction),) * len(read))
 
 
 def standard_draws(laid: Stack, count: int, *, seed: int, stream: int) -> Array:

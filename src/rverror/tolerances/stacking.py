@@ -186,6 +186,7 @@ def stack(
     if not tolerances:
         raise InputError("no tolerance; give at least one")
     direction = direction_sign(direction)
+    every = [(item.key, indices) for item in tolerances for indices in item.instances(model.mechanism)]
     if input_speed is None:
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
@@ -193,20 +194,12 @@ def stack(
         load = None if where.read.torque is None else units.InCore(where.read.torque)
         nominal = transmission_error(model, where.read.theta, direction=direction, torque=load, forces=forces)
         angles, rounding = where.read.theta, _ROUNDING
-        sources = (
-            source_matrix(where.of(item.key), forces, item.key, indices)
-            for item in tolerances
-            for indices in item.instances(model.mechanism)
-        )
+        sources = (source_matrix(where.of(key), forces, key, indices) for key, indices in every)
     else:
         if theta is not None:
             raise InputError("theta: at a speed the angles are those of one period; leave them out")
-        every = [
-            Effect(item.key, indices, (0.0,) * len(source(item.key).parameters))
-            for item in tolerances
-            for indices in item.instances(model.mechanism)
-        ]
-        moving = influences_at_speed(model, input_speed, every, torque=torque, direction=direction)
+        none = [Effect(key, indices, (0.0,) * len(source(key).parameters)) for key, indices in every]
+        moving = influences_at_speed(model, input_speed, none, torque=torque, direction=direction)
         angles, nominal, input_speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
         sources = (matrix for matrix in moving.matrices)
     joined = {e for pair in correlations(tolerances) for e in pair}

@@ -152,12 +152,9 @@ class WidthSearch:
             costs = replace(costs, given=widths, low=low, high=high)
             search = replace(self, units=closed, costs=costs, sample=_CLOSED_SAMPLE)
             with suppress(UnreachableError):  # contacts that open may help
-                widths = search.settled(Found(widths, ())).widths
+                local = search._local(widths, "closed form", _CLOSED_SAMPLE)
+                widths = search._settled(Found(widths, ()), local, rounds=_ROUNDS)[0].widths
         return Found(widths, grades)
-
-    def settled(self, found: Found) -> Found:
-        """Widths with which the sample is within its limits, not verified."""
-        return self._settled(found, self._local(found.widths, "closed form", self.sample), rounds=_ROUNDS)[0]
 
     def _local(self, widths: Array, what: str, count: int) -> SampleQuantile:
         """The first units of the sample solved at some widths."""
@@ -196,12 +193,10 @@ class WidthSearch:
 
     def _change(self, one: Found, other: Found) -> float:
         """Relative change of the cost, of which other grades are a whole one."""
+        if one.grades != other.grades:
+            return 1.0
         before, after = self._cost(one), self._cost(other)
-        return (
-            abs(after - before) / max(before, after)
-            if one.grades == other.grades and before != after
-            else float(one.grades != other.grades)
-        )
+        return abs(after - before) / max(before, after) if before != after else 0.0
 
     def _next(self, local: SampleQuantile, found: Found, reach: float, tried: dict[tuple[int, ...], float]) -> Found:
         """The next widths; grades that were tried count by the cost that they came to where they were."""
