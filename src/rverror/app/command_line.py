@@ -89,7 +89,8 @@ def parser_of(name: str) -> argparse.ArgumentParser:
     """Parser of the command that is asked for, and those beside it; of all where it is none."""
     known = set(chain.from_iterable(COMMANDS.values()))
     parser = _Parser(
-        prog="rverror", description="Output error of RV reducers: from part errors, and back to the cause."
+        prog="rverror",
+        description="Predict the output error of RV reducers from part errors, and find the causes of a measured one.",
     )
     parser.add_argument("--version", action="version", version=f"rverror {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")

@@ -47,11 +47,14 @@ from rverror.views.report import to_text
         **output("TABLE", "table to write", required=True),
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
-            '"20 N*m"', "load of the table; repeat it for a json table of several loads", size="torque", action="append"
+            '"20 N*m"',
+            "output torque of the table (default: those of the runs); repeat it for a json table of several",
+            size="torque",
+            action="append",
         ),
         **MAPPING,
         **results(plot="the error before and after"),
-        **save("NEW.toml", "write the model of the compensated unit"),
+        **save("NEW.toml", "write the model with the table added as an effect, compensation.wave"),
         "--force": flag("replace a table that exists"),
     },
 )

@@ -54,8 +54,8 @@ _HEAT = {
 }
 _OIL = ("viscosity_40", "viscosity_100", "temperature", "speed")  # what `--lubricant` takes, in order
 _LUBRICANT = (
-    "with --phase: viscosity of the oil at 40 and 100 degC, and the temperature and input speed for which the drag is "
-    'given; like "150 cSt" "15 cSt" "20 degC" "1815 rpm"'
+    "with --phase: viscosity of the oil at 40 and 100 degC, then the temperature and input speed at which `drag` in "
+    '[reducer.friction] is given; like "150 cSt" "15 cSt" "20 degC" "1815 rpm"'
 )
 _ROLLERS = 'number of rollers, their diameter and length, diameter of the inner race; like 14 "5 mm" "8 mm" "20 mm"'
 _RATED = "output torque (default: the rated one)"
@@ -65,7 +65,7 @@ _OF_FRICTION = {"model": option("MODEL.toml", "with [reducer.friction]", reads=T
 
 
 def _angles(count: int) -> dict[str, Any]:
-    help_text = f"number of output angles, spread over a turn (default {count})"
+    help_text = f"number of output angles, evenly over a turn (default {count})"
     return {"--count": number(help_text, least=1, default=count)}
 
 
@@ -75,7 +75,7 @@ def _angles(count: int) -> dict[str, Any]:
         **_OF_FRICTION,
         "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
-        "--direction": choice(WAYS, "forward"),
+        "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
         **PHASES,
         **{
             f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {what}", size=dimension)

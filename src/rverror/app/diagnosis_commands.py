@@ -47,18 +47,18 @@ from rverror.views.plots.figure import can_draw
         **RUNS,
         **MAPPING,
         "--prior": option(
-            "MADE.toml", "usual sizes of part errors in production, as written by `lot --save`", reads=True
+            "MADE.toml", "scatter of part errors in production, as written by `rverror lot --save`", reads=True
         ),
         **results(plot="waveforms and the spectrum of the residual"),
-        **save("NEW.toml", "write the model with what was added"),
+        **save("NEW.toml", "write the declared model with the named causes added"),
         "--jobs": number("threads that fit candidates (default: one for each core)", least=1),
     },
 )
 def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
-    Compares measured runs with a model and names the part errors that the model lacks: their sizes with 95 %
-    intervals, the causes that fit equally well, and the error before and after.
+    Compares measured runs with a model and names the part and measuring errors that the model lacks: their sizes with
+    95 % intervals, the causes that the runs cannot rule out in their place, and the error before and after.
     """
     model = load_model(options.model)
     runs, unseen = read_runs(options, model)
@@ -88,7 +88,7 @@ def _diagnose(options: argparse.Namespace) -> None:
 @command(
     example="lot --output lot-found --pages",
     options={
-        "folder": option("FOLDER", "each subfolder with a model.toml and runs is a unit"),
+        "folder": option("FOLDER", "each subfolder with runs is a unit; it needs a model.toml unless --model is given"),
         **output("FOLDER", "folder for UNIT.json of each unit and summary.csv", writes=False, required=True),
         "--model": option("MODEL.toml", "model of every unit that has no model.toml of its own"),
         **MAPPING,
@@ -97,7 +97,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     },
 )
 def _diagnose_batch(options: argparse.Namespace) -> None:
-    """Diagnose a folder of units, one subfolder each, and resume.
+    """Diagnose every unit of a folder, one subfolder each; run again to resume.
 
     Diagnoses every unit of a folder, one subfolder each. Finished units are kept: to continue a batch that was
     stopped, run the command again.
@@ -131,7 +131,7 @@ def _diagnose_batch(options: argparse.Namespace) -> None:
     options=output("FOLDER", "where to write (default rverror-demo)", writes=False, default="rverror-demo"),
 )
 def _demo(options: argparse.Namespace) -> None:
-    """The whole diagnosis on the shipped example.
+    """Diagnose the shipped, simulated example.
 
     Diagnoses the simulated unit that comes with rverror and writes its model, runs and results, so that each step
     can be repeated.

@@ -29,7 +29,7 @@ def _modes(options: argparse.Namespace) -> None:
     """Natural frequencies of the loaded gear train.
 
     Computes the natural frequencies of the loaded gear train with the inertias at input and output, their damping, the
-    contact that holds each mode and the part that moves most in it.
+    contact with most of each mode's strain energy and the part with most of its kinetic energy.
     """
     found = modes(load_model(options.model), theta=options.angle, **_state(options))
     write_results(found, options)
@@ -42,7 +42,7 @@ def _modes(options: argparse.Namespace) -> None:
         "--from": option('"100 rpm"', "lowest input speed", size="angular_speed", dest="first", required=True),
         "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
         "--count": number(f"number of speeds (default {COUNT})", least=2, default=COUNT),
-        "--by-effect": flag("with --json: also what each declared error does, by order at each speed"),
+        "--by-effect": flag("with --json: also the contribution of each declared error, by order and speed"),
         **results(plot="the Campbell diagram and the amplitude of all orders against the speed"),
     },
 )
@@ -50,7 +50,7 @@ def _speeds(options: argparse.Namespace) -> None:
     """Output error against input speed, by order, and critical speeds.
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
-    frequency. Orders are per output turn and reach up to half the samples of a turn (2048 for an RV-40E). Higher
+    frequency. Orders are per output turn and reach up to half the samples of a turn (order 2048 for an RV-40E). Higher
     orders alias: 976, 584 and 1952 are orders 3120, 4680 and 6240 of its cycloid mesh.
     """
     if not 0 <= options.first < options.last:

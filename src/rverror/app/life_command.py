@@ -31,7 +31,8 @@ _OUTPUTS = {**MAPPING, **results()}
         ),
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
-            '"lost motion 90 arcsec"', "limit, also 'transmission error 60 arcsec': how long the unit still meets it"
+            '"lost motion 90 arcsec"',
+            "limit of the lost motion, or 'transmission error 60 arcsec': reports how long the unit still meets it",
         ),
         **_OUTPUTS,
     },
@@ -63,7 +64,7 @@ def _trend(options: argparse.Namespace) -> None:
 def _compare_runs(options: argparse.Namespace) -> None:
     """What changed between two measurements of one unit.
 
-    Lists the orders that differ by more than noise between two measurements of one unit and, with a model, the part
+    Lists the orders that differ significantly between two measurements of one unit and, with a model, the part
     errors that changed.
     """
     sides = [_listed(options, [side]) for side in (options.before, options.after)]

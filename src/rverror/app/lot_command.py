@@ -48,8 +48,8 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
     options={
         "parts": option(
             "FOLDER",
-            "each subfolder with runs is a unit, units.csv gives their order and labels; or a file that --compress "
-            "wrote; several make up one lot",
+            "folder in which each subfolder with runs is a unit (units.csv, if there is one, gives order and labels), "
+            "or a file that --compress wrote; several are one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
@@ -59,7 +59,8 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
-            "only read the runs and write what `lot` needs of them; if interrupted, run it again to continue",
+            "only read the runs and write a condensed file that `rverror lot` takes in their place; after an "
+            "interruption, run it again to continue",
             writes=True,
         ),
         "--jobs": number("processes that read runs (default: one for each core if there are many runs)", least=1),
@@ -69,14 +70,14 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         "--diagnose": number(
             "diagnose up to N units that do not belong to the lot (default 3; half a minute each)", least=0, default=3
         ),
-        "--seed": number("seed of the drawn units (default 0)", least=0, default=0),
+        "--seed": number("seed of the random virtual units (default 0)", least=0, default=0),
     },
 )
 def _lot(options: argparse.Namespace) -> None:
-    """Scatter of each process, or orders that drives share, from many measured units.
+    """Scatter of each manufacturing process, or orders common to many drives, from measured units.
 
     Estimates from the runs of many finished units the scatter and the systematic error of each manufacturing process,
-    and names units that do not belong to the lot.
+    and names outliers: units whose errors no such scatter makes.
     """
     if options.compress is not None and len(options.outputs) > 1:
         raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")

@@ -37,10 +37,10 @@ from rverror.views.report import to_csv
             "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
         ),
         **limit_options(),
-        "--turns": flag("discs may be turned by pitches of their bores, and a sun put in at any tooth"),
+        "--turns": flag("discs may be assembled turned by one or more crank spacings, and a sun at any tooth"),
         "--cost": option(
             "matching=2.5",
-            f"cost per unit of a way of assembly; repeat it for others ({', '.join(WAYS)})",
+            f"cost of a way of assembly for each unit built by it; repeat it for others ({', '.join(WAYS)})",
             action="append",
             default=[],
         ),

@@ -42,12 +42,17 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
     example='unit.toml --method equilibrium --torque "20 N*m" --direction both -o run.csv',
     options={
         **MODEL,
-        "--points": number("samples per output turn (default: what the orders need)"),
+        "--points": number("samples per output turn (default: enough for the mesh orders, 4096 for an RV-40E)"),
         "--revolutions": number("output turns (default 1)", default=1),
         "--torque": option('"20 N*m"', "output torque; repeat it for more runs", size="torque", action="append"),
         **arm_option("a weight in place of a torque", "; the run has a column output_torque"),
-        "--method": choice(("closed", "equilibrium"), "closed"),
-        "--direction": choice(WAYS, "forward"),
+        "--method": choice(
+            ("closed", "equilibrium"),
+            "closed",
+            "closed (default): rigid bearings, every pin on the loaded side in contact; equilibrium: under load, where "
+            "contacts may separate",
+        ),
+        "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
         "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),
         "--noise-correlation": option(
             '"2 deg"', "output angle over which the noise is correlated (default: white)", dest="correlation"
@@ -55,7 +60,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--input-counts": number("counts per turn of the input encoder"),
         "--output-counts": number("counts per turn of the output encoder"),
         "--seed": number(f"seed of the noise (default {DEFAULT_SEED})"),
-        "--speed": option('"10 deg/s"', "output speed; gives the run a time column"),
+        "--speed": option('"10 deg/s"', "OUTPUT speed (other commands: input speed); adds a time column"),
         "--orders": option('"1,39,40"', "write an order table of these orders in place of samples"),
         **output(
             "OUT.csv",

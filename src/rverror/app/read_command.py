@@ -16,9 +16,9 @@ from rverror.runs.order_table import OrderTable
 @command(
     example="bench.tdms --mapping bench.toml -o run.csv",
     options={
-        "file": option("BENCH.tdms", reads=True),
+        "file": option("BENCH.tdms", "file of the bench, in any format that a mapping describes", reads=True),
         **MAPPING,
-        "--draft": flag("write a draft of the mapping instead, with what the file holds"),
+        "--draft": flag("write a draft of the mapping in place of a run file, with what the file holds as comments"),
         **output("RUN.csv", "file to write (default: standard output)"),
     },
 )

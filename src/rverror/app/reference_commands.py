@@ -55,15 +55,24 @@ def _reference_cases(options: argparse.Namespace) -> None:
 @command(
     example='theirs.csv cases/one-cam --within "0.1 arcsec"',
     options={
-        "theirs": option("THEIR.csv", "run file of the other tool, or any file with --mapping", reads=True),
+        "theirs": option(
+            "THEIR.csv",
+            "waveform of the other tool: a run file, or a file of another format with --mapping",
+            reads=True,
+        ),
         "case": option("CASE", "folder of the case, or its case.json"),
         "--method": choice(METHODS, METHODS[0], "which waveform of the case (default equilibrium)"),
         "--within": option(
-            '"0.1 arcsec"', "exit with 1 if the rms of the difference, offset removed, is larger", size="angle", least=0
+            '"0.1 arcsec"',
+            "exit with code 1 if the rms of the difference, without its offset, exceeds this",
+            size="angle",
+            least=0,
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml", "model file with the [bench.encoders] that measured the run, for its uncertainty", reads=True
+            "MODEL.toml",
+            "model file whose [bench.encoders] describes the encoders of the bench, for the uncertainty of the run",
+            reads=True,
         ),
         **results(),
     },

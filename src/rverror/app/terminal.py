@@ -130,9 +130,9 @@ def results(*, plot: str | None = None) -> dict[str, Option]:
 
 
 #: Options that several commands have, for their tables.
-MODEL: Mapping[str, Option] = {"model": option("MODEL.toml", reads=True)}
+MODEL: Mapping[str, Option] = {"model": option("MODEL.toml", "model file: the unit and its known errors", reads=True)}
 RUNS: Mapping[str, Option] = {
-    "runs": option("RUN.csv", nargs="+", reads=True),
+    "runs": option("RUN.csv", "runs or order tables, a file for each direction and load", nargs="+", reads=True),
     "--validate": option(
         "FILE", "runs or order tables kept out of the fit, to test the result on", reads=True, nargs="+", default=[]
     ),
@@ -142,10 +142,12 @@ MAPPING: Mapping[str, Option] = {
 }
 WIDTHS: Mapping[str, Option] = {
     "--disc-width": option('"9 mm"', "contact length of a pin on one disc", size="length", required=True),
-    "--gear-width": option('"8 mm"', "contact length of a planet gear on the sun", size="length", required=True),
+    "--gear-width": option('"8 mm"', "common face width of sun and planet gear", size="length", required=True),
 }
 WAYS: Mapping[str, tuple[float, ...]] = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
-WAY: Mapping[str, Option] = {"--direction": choice(("forward", "reverse"), "forward")}
+WAY: Mapping[str, Option] = {
+    "--direction": choice(("forward", "reverse"), "forward", "direction of motion (default forward)")
+}
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,9 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = f"output torques of the transmission error (default: the rated torque and 20 N*m){beside}"
+    torques = (
+        f"output torques under which the transmission error is limited (default: the rated torque and 20 N*m){beside}"
+    )
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -60,19 +62,21 @@ def _limit(quantity: str, example: str, what: str) -> Option:
 
 
 _LIMITS = {
-    **limit_options("; with --speed the load"),
+    **limit_options("; with --speed one torque, the load at that speed"),
     "--stiffness": _limit(
-        "stiffness", "100 N*m/arcmin", "least torsional stiffness between 50 and 100 %% of the rated torque"
+        "stiffness",
+        "100 N*m/arcmin",
+        "lower limit of the torsional stiffness between 50 and 100 %% of the rated torque",
     ),
     **arm_option("a weight as a load of the transmission error"),
-    "--yield": option('"99 %"', "least share of the units within the limits (default 99 %%)"),
+    "--yield": option('"99 %"', "required yield: share of the units that must meet the limits (default 99 %%)"),
 }
 
 
 def _inputs(*, plot: str) -> dict[str, Option]:
     return {
         **MODEL,
-        "tolerances": option("TOLERANCES.toml", reads=True),
+        "tolerances": option("TOLERANCES.toml", "tolerance file: widths, distributions and costs", reads=True),
         **WAY,
         "--speed": option(
             '"600 rpm"',
@@ -91,13 +95,13 @@ def _inputs(*, plot: str) -> dict[str, Option]:
         **_inputs(plot="contributions and the distribution"),
         **_LIMITS,
         "--units": number("virtual units (default 65536)", least=1, default=COUNT),
-        "--loaded-units": number("units solved at the load (default 2000)", least=1),
+        "--loaded-units": number("with --at: virtual units solved under load (default 2000)", least=1),
     },
 )
 def _budget(options: argparse.Namespace) -> None:
-    """Output error that the tolerances allow.
+    """Distribution and yield of the error that tolerances cause.
 
-    Computes what part tolerances do to the output error: how much each contributes, the peak-to-peak of many
+    Computes the output error that part tolerances cause: the contribution of each, the peak-to-peak of many
     virtual units, and with --at how many units solved under load stay within the limits.
     """
     model, tolerances = _read(options)
@@ -127,14 +131,13 @@ def _budget(options: argparse.Namespace) -> None:
 @command(
     example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
     options={
-        **_inputs(plot="least cost against the limit; with --kind load the costs"),
+        **_inputs(plot="least cost against the limit; with --kind load the cost of each tolerance"),
         **_LIMITS,
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what the limit applies to: units solved under load (load, the default); or, in closed form with all "
-            "contacts closed, a quantile of the peak-to-peak (yield, the default for a drive and with --speed) or its "
-            "worst case (worst)",
+            "load (default): share of units solved under load; yield: quantile of the peak-to-peak in closed form, all "
+            "contacts closed (default for a drive and with --speed); worst: its worst case in closed form",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),

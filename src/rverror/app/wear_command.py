@@ -42,7 +42,8 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
             f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
-            f"of a joint the clearance gained per load and turn, 'spline=1e-8 um/kN' ({', '.join(JOINTS)}). "
+            "of a bearing or the spline the clearance gained per load and turn, "
+            f"'spline=1e-8 um/kN' ({', '.join(JOINTS)}). "
             "Repeat it for more",
             action="append",
             required=True,
@@ -62,7 +63,7 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
     },
 )
 def _wear(options: argparse.Namespace) -> None:
-    """Wear of pins, discs and gears over hours of operation.
+    """Wear of pins, discs, gears and bearings over hours of operation.
 
     Computes how pins, discs, gears and bearings wear over hours of operation, and the output error and lost motion
     that follow. You give the wear coefficients; none are assumed.
