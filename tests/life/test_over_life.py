@@ -222,6 +222,13 @@ def test_two_measurements_of_one_state_differ_as_rarely_as_stated() -> None:
     assert found >= 22
 
 
+def test_a_measurement_is_like_itself() -> None:
+    """Nothing differs, and nothing is noise: the chance is no 0 over 0."""
+    theta = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    run = rverror.run_from_arrays(output_angle=theta, te=3e-4 * np.cos(3 * theta))
+    assert rverror.life.compare_runs([run], [run]).orders == ()
+
+
 def test_a_time_beyond_what_was_measured_says_so() -> None:
     """100 hours from the first session to the last; the limit is reached after 400 at least, then after 40."""
     empty = np.empty((3, 0))

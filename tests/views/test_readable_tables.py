@@ -38,6 +38,17 @@ def test_the_rounding_of_zero_is_zero() -> None:
     assert (rounding.strip(), small.strip()) == ("0", "2.5e-06")
 
 
+def test_a_long_course_says_how_many_of_its_rows_are_shown() -> None:
+    """Twenty, from the first to the last; a shorter one is whole."""
+    for count, shown in ((30, 20), (20, 20)):
+        speeds = Variable(("speed",), np.arange(float(count)), NUMBER)
+        error = Variable(("speed",), np.linspace(5.0, 6.0, count), NUMBER)
+        lines = as_text(sheet_of(Table({"speed": speeds, "error": error}, kind="Kind", rows="speed"))).splitlines()
+        numbers = [line.split()[0] for line in lines if re.match(r" *\d+ +\d", line)]
+        assert (len(numbers), numbers[0], numbers[-1]) == (shown, "0", str(count - 1))
+        assert ("20 of 30 rows." in lines) == (count > shown)
+
+
 def test_a_share_has_two_decimals() -> None:
     *_, one, other = text_of(share=column([0.998661, 0.000045], PERCENT))
     assert (one.strip(), other.strip()) == ("99.87", "0")

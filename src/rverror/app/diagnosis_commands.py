@@ -80,8 +80,8 @@ def _diagnose(options: argparse.Namespace) -> None:
         tell(f"{options.save}: nothing was added; the file holds the model of {options.model}")
     elif options.save and any(effect.uncertainty for effect in result.declared.effects):
         tell(
-            f"{options.save}: declared sizes stand as they were; the 'after' of the report refits them within their "
-            "uncertainty"
+            f"{options.save}: declared sizes stand as they were; the report's row 'with what was added' refits "
+            "them within their uncertainty"
         )
 
 

@@ -150,7 +150,7 @@ class OrderShare:
     """What accounts for the power of one order of a table: shares that make one together.
 
     A share is that of the measured waves' power which the part points along, so one that works against the others is
-    negative.
+    negative.  Of an order that is no more than noise none is known: they are NaN.
 
     Attributes
     ----------

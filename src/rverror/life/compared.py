@@ -116,7 +116,8 @@ def _orders(history: History) -> tuple[OrderChange, ...]:
     apart = (np.diff(parts, axis=0)[0] ** 2).sum(axis=1)
     tests = apart.size
     # how often an exponential of mean 1 exceeds a power over a mean that is known to a sixth only
-    chance = np.minimum(tests * (1 + apart / (4 * noise) * _POOLED_ERROR**2) ** (-(_POOLED_ERROR**-2)), 1.0)
+    over = apart / (4 * np.maximum(noise, np.finfo(np.float64).tiny))  # of files that are the same both are 0
+    chance = np.minimum(tests * (1 + over * _POOLED_ERROR**2) ** (-(_POOLED_ERROR**-2)), 1.0)
     size = math.sqrt(2) * np.sqrt((parts**2).sum(axis=2))
     found = []
     for order, number in zip(*np.nonzero(chance.T < _LEVEL), strict=True):

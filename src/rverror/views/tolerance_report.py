@@ -386,7 +386,7 @@ def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
     first = max(result.closed.contributions, key=lambda one: one.share)
     most = " No tolerance changes more than the offset."
     if first.share > 0:
-        most = f" {first.label} makes most of it, {100 * first.share:.0f} % of the variance."
+        most = f" {first.label} has the largest share, {100 * first.share:.0f} % of the variance."
     within = ""
     if limit is not None:
         at = units.named_core("limit", limit, "angle")

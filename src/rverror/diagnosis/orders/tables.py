@@ -390,7 +390,10 @@ def _kind(entry: Source) -> str:
 
 
 def _shares(fit: Fit) -> tuple[OrderShare, ...]:
-    """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one."""
+    """Of each order, what share of its power each kind of cause accounts for; the shares of an order make one.
+
+    They are not numbers where no more than noise is measured.
+    """
     run_set = conditions_of(fit)
     measured = [observation.measured for observation in run_set.observations]
 
@@ -403,11 +406,12 @@ def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     for effect, part in zip(fit.added, _parts(fit), strict=True):
         taken[_kind(source(effect.key))] += along(part)
     taken["parts"] += total - sum(taken.values())  # declared, and what is not linear
+    power = np.where(Linear(fit).measured > run_set.most_of_noise, total, math.nan)
     return tuple(
         OrderShare(
             order=float(order),
             amplitude=math.sqrt(total[n] / cases[n]),
-            **{kind: float(share[n] / max(total[n], 1e-300)) for kind, share in taken.items()},
+            **{kind: float(share[n] / power[n]) for kind, share in taken.items()},
         )
         for n, order in enumerate(run_set.orders)
     )
