@@ -208,7 +208,7 @@ class Search:
         if trials:
             leading = ", ".join(describe(e.key, e.indices) for e in self._leader.fit.added) or "what was declared"
             self.journal.tell(
-                f"{self.spent} of {self.policy.budget} equilibria, {len(self.known)} sets of causes; the best: {leading}"
+                f"{self.spent} of {self.policy.budget} equilibria, {len(self.known)} sets; the best: {leading}"
             )
         further = [one for one in each(partial(Trial.further, score=self.score), trials) if one is not None]
         self._solved += sum(one.spent for one in further)
