@@ -155,6 +155,21 @@ def test_of_parts_that_do_the_same_the_plausible_one_is_named() -> None:
         assert change.cause.key == cams.key
 
 
+def test_what_the_first_order_lacks_names_no_implausible_part() -> None:
+    """A twin twice its plausible size takes a tenth more of what a large shift does beyond the first order: worth 4 in
+    units of the noise, which the gain exceeds, and 4 times the misfit where it counts by what influences leave."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    size, root = error_of(cams, 6.0), np.linalg.cholesky(np.linalg.inv(SOME.weight))
+    lacks = 3.0 * root @ np.random.default_rng(3).standard_normal(D)
+    columns = (cams.columns[:, 0] + 0.1 * lacks / size) * 0.05
+    twin = ShiftSource("involute.sun_offset", {}, ("x",), "length", columns[:, None])
+    assert size / 0.05 / twin.plausible == pytest.approx(2.0, rel=0.05)
+    values = lot(2)
+    values[1::2] += cams.columns[:, 0] * size + lacks
+    (found, *_) = group_differences(values, {"machine": ("A", "B") * (UNITS // 2)}, SOME.weight, [*candidates(), twin])
+    assert found.causes[0].key == cams.key
+
+
 def test_too_few_units_or_no_others_tell_nothing() -> None:
     values = lot(3)
     values[:4] += 100

@@ -203,10 +203,13 @@ class Fits:
         of_each = [surprise(chi[..., self.freedom == q].max(axis=-1), q) for q in np.unique(self.freedom)]
         return np.asarray(np.max(of_each, axis=0))
 
-    def likely(self, chi: Array, away: Array) -> Array:
-        """Chi-squares less what a prior of plausible shifts takes off, of amplitudes that are so far away, (d,)."""
+    def likely(self, chi: Array, away: Array, misfit: float = 1.0) -> Array:
+        """Chi-squares less what a prior of plausible shifts takes off, of amplitudes that are so far away, (d,).
+
+        Where influences leave a misfit, differences of chi-squares say as much less than those of the prior.
+        """
         sizes = [(away @ sizing) / one.plausible for one, sizing in zip(self.candidates, self.sizing, strict=True)]
-        return np.maximum(chi - [float(size @ size) for size in sizes], 0.0)
+        return np.maximum(chi - misfit * np.array([float(size @ size) for size in sizes]), 0.0)
 
     def best(self, chi: Array) -> int:
         """Number of the candidate that explains most; all parameters of its parts only where one does not do."""
@@ -413,9 +416,10 @@ def _explained(
     fits: Fits, chi: Array, contrast: Array, away: Array, weight: Array
 ) -> tuple[int, float, tuple[str, ...]]:
     """The candidate that makes a contrast, the misfit that it leaves, and its rivals."""
-    likely = fits.likely(chi, away)
+    first = fits.best(fits.likely(chi, away))
+    beyond = misfit(contrast, weight, float(chi[first]), int(fits.freedom[first]))
+    likely = fits.likely(chi, away, beyond)
     best = fits.best(likely)
-    beyond = misfit(contrast, weight, float(chi[best]), int(fits.freedom[best]))
     return best, beyond, fits.rivals(likely, best, beyond)
 
 
