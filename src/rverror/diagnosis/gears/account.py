@@ -96,7 +96,7 @@ def account(
         tried=len(search.candidates),
         traces=tuple(_traces(runs, as_printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
-        history=search.journal.history,
+        history=tuple(search.journal.fates),
         elastic=elastic_within(fit, halves),
     )
 
@@ -221,12 +221,9 @@ def _values(fit: Fit) -> Array:
 
 
 def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[float], held: float) -> Addition:
-    fit = node.fit
-    at = len(fit.declared.effects) + number
-    effect = fit.model.effects[at]
-    first = sum(len(e.values) for e in fit.model.effects[:at])
+    fit, effect = node.fit, node.fit.added[number]
     made = "the prior says" if fit.run_set.prior.covered else "a workshop makes"
-    own, prior = halves[first : first + len(effect.values)], fit.run_set.deviation(effect.key, effect.indices)
+    own, prior = halves[fit.places(number)], fit.run_set.deviation(effect.key, effect.indices)
     estimates, notes = estimated(effect, own)
     for one, half, usual in zip(estimates, own, prior, strict=True):
         if half > fit.run_set.half_width(usual**2 / 2):
@@ -234,7 +231,7 @@ def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[fl
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.run_set.records)
-    return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, at), held, tuple(notes))
+    return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, number), held, tuple(notes))
 
 
 def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
@@ -248,9 +245,10 @@ def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, 
     return tuple(estimates), notes
 
 
-def _orders(fit: Fit, at: int) -> tuple[float, ...]:
-    """Orders at which an effect changes the prediction, the strongest first; over less than a turn its source's own."""
-    effects, record = fit.model.effects, fit.run_set.records[0]
+def _orders(fit: Fit, number: int) -> tuple[float, ...]:
+    """Orders at which an added effect changes the prediction, the strongest first; over less than a turn its source's
+    own."""
+    effects, record, at = fit.model.effects, fit.run_set.records[0], len(fit.declared.effects) + number
     if fit.run_set.linear or record.turns < 0.99:
         found = source(effects[at].key).orders(fit.run_set.unit, effects[at].indices)
         return tuple(abs(order) for order in found)

@@ -290,6 +290,16 @@ class Fit:
         """Effects beside the declared ones."""
         return self.model.effects[len(self.declared.effects) :]
 
+    def places(self, number: int) -> slice:
+        """Where the values of an added effect stand among all values."""
+        first = sum(len(e.values) for e in self.model.effects[: len(self.declared.effects) + number])
+        return slice(first, first + len(self.added[number].values))
+
+    @property
+    def added_linearly(self) -> list[list[Array]]:
+        """What each added effect makes of each record, (width,), as far as it is linear."""
+        return [[np.array(e.values) @ raw[self.places(n)] for raw in self.raw] for n, e in enumerate(self.added)]
+
     @cached_property
     def added_parts(self) -> list[Array]:
         """What the added effects make of each record through the gear train, (width,): the reading less that without.
@@ -710,8 +720,7 @@ def as_declared(fit: Fit) -> Fit:
 def without_effect(fit: Fit, number: int) -> Fit:
     """The state without one of the added effects' part, the contacts as they are with it."""
     effects, at = fit.model.effects, len(fit.declared.effects) + number
-    first = sum(len(e.values) for e in effects[:at])
-    own = np.arange(first, first + len(effects[at].values))
+    own = np.arange(fit.moment.size)[fit.places(number)]
     values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
     rows = [np.concatenate([(white[0] + values @ white[1 + own])[None], white[1 + kept]]) for white in fit.rows]
     return replace(

@@ -47,11 +47,12 @@ class Observation(Protocol):
     def constant(self) -> Array:
         """An offset of one."""
 
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Rows on the grid of a waveform."""
-
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid."""
+
+    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
+        """Rows on the grid of a waveform."""
+        return self.of_grid(wave.grid, rows, offset)
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
@@ -68,7 +69,7 @@ class Observation(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class EverySample:
+class EverySample(Observation):
     """A run sample by sample."""
 
     record: Record
@@ -91,10 +92,6 @@ class EverySample:
     def readout(self, grid: AngleGrid, offset: float) -> Readout:
         """The way from a grid to the samples."""
         return self._once((grid, offset), lambda: grid.to_samples(self.record.theta + offset))
-
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Rows on the grid of a waveform, at the samples."""
-        return self.readout(wave.grid, offset)(rows)
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, at the samples."""
@@ -137,14 +134,19 @@ class EverySample:
             found = kept[key] = make()
         return found
 
+    @property
+    def whitening(self) -> Whitening:
+        """Whitening under the noise."""
+        return self.record.whiten
+
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""
-        return self.record.whiten(rows)
+        return self.whitening(rows)
 
     @property
     def freedom(self) -> int:
         """Independent values."""
-        return self.record.whiten.freedom
+        return self.whitening.freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,10 +201,6 @@ class MeanSamples(EverySample):
         """The error."""
         return np.asarray(self.averaged(self.record.error[None])[0])
 
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Rows on the grid of a waveform, as means."""
-        return self.of_grid(wave.grid, rows, offset)
-
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, as means."""
         return self._way(grid, offset)(rows)
@@ -235,12 +233,3 @@ class MeanSamples(EverySample):
         doubtful = None if record.doubtful is None else self.averaged(record.doubtful)
         noise, nuisance = averaged(record.noise, self.together), self.averaged(record.nuisance)
         return Whitening(noise, self._kept, self._labels[1], nuisance, doubtful)
-
-    def whiten(self, rows: Array) -> Array:
-        """Rows under the noise."""
-        return self.whitening(rows)
-
-    @property
-    def freedom(self) -> int:
-        """Independent values."""
-        return self.whitening.freedom

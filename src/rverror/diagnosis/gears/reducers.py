@@ -86,7 +86,7 @@ def diagnose_reducer(
     tell("predicting the declared model")
     run_set = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
     first = first_state(run_set, model, model)
-    candidates = candidates_of(model, records, policy)
+    candidates = offered(model, records, policy.tries)
     notes += run_set.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
@@ -272,15 +272,9 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     return search.score.of(best, one.lines, one.slow), alike
 
 
-def candidates_of(model: Model, records: Sequence[Record], policy: Policy) -> tuple[Named, ...]:
-    """Sources of the catalogue that the runs can show and the model does not have."""
-    return offered(model, records, policy.tries)
-
-
 def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:
     """Sources that are wanted, that the runs can show and the model does not have, with all their indices."""
     unit = model.mechanism
-    assert isinstance(unit, Reducer)
     taken = [(e.key, dict(e.indices)) for e in model.effects]
     return tuple(
         (key, indices)

@@ -130,8 +130,6 @@ def _strongest(
     turns = max(r.turns for r in records)
     highest = highest_order([r.theta for r in records])
     lowest = policy.least_cycles / turns
-    total: Array | None = None
-    orders: Array | None = None
 
     def seen(both: tuple[Record, Array]) -> tuple[Array, Array]:
         record, rest = both
@@ -139,13 +137,9 @@ def _strongest(
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
         return line_spectrum(record.theta, clean, record.noise, lowest, highest)
 
-    for order, power in each(seen, list(zip(records, rests, strict=True))):
-        if orders is None or total is None:
-            orders, total = order, power.copy()
-        else:
-            total = total + np.interp(orders, order, power)
-    assert orders is not None
-    assert total is not None
+    (orders, total), *others = each(seen, list(zip(records, rests, strict=True)))
+    for order, power in others:
+        total = total + np.interp(orders, order, power)
     if orders.size < 3:
         return None
     cells = orders.size / 2

@@ -121,10 +121,6 @@ class TableObservation(Observation):
         there = rows if grid == self.turn else grid.to_samples(self.turn.theta)(rows)
         return self._turned(np.asarray(there @ self._own), offset)
 
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Waves of rows on the grid of a waveform."""
-        return self.of_grid(wave.grid, rows, offset)
-
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle of the marks."""
         row = self.of_wave(wave, wave.error[None], offset)[0]

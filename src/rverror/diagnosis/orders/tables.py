@@ -142,7 +142,7 @@ def diagnose_tables(
         tried=len(candidates),
         traces=(),
         notes=tuple(dict.fromkeys(notes)),
-        history=journal.history,
+        history=tuple(journal.fates),
         elastic=elastic,
         passport=passport(measured, ratio=unit.ratio),
         shares=_shares(final),
@@ -314,11 +314,9 @@ def _reach(fit: Fit, variance: float) -> float:
 
 def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str, after: Residual) -> Addition:
     """A cause, with its rivals and with what chance does as much; from the loads on which it was looked for."""
-    at = len(fit.declared.effects) + number
-    effect = fit.model.effects[at]
-    first = sum(len(e.values) for e in fit.model.effects[:at])
-    own = range(first, first + len(effect.values))
-    estimates, notes = estimated(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
+    effect = fit.added[number]
+    variances = np.diag(fit.covariance)[fit.places(number)].tolist()
+    estimates, notes = estimated(effect, [_reach(fit, variance) for variance in variances])
     order, share, odds = chance(few, number)
     notes.append(
         f"removes {100 * share:.0f} % of what is left of order {order:g} without it; the probability that as many "
@@ -345,26 +343,17 @@ def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     return Addition(effect, estimates, (), orders, after.heldout_rms, notes)
 
 
-def _parts(fit: Fit) -> list[list[Array]]:
-    """What each added effect makes under each condition, as far as it is linear."""
-    first, parts = sum(len(e.values) for e in fit.declared.effects), []
-    for effect in fit.added:
-        own = slice(first, first := first + len(effect.values))
-        parts.append([np.array(effect.values) @ raw[own] for raw in fit.raw])
-    return parts
-
-
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
     run_set = conditions_of(fit)
-    power = run_set.by_order(part**2 for part in _parts(fit)[number])
+    power = run_set.by_order(part**2 for part in fit.added_linearly[number])
     return leading(run_set.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
     run_set = conditions_of(fit)
-    laws = _parts(fit)[named:]
+    laws = fit.added_linearly[named:]
     rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
     squares = run_set.by_order((rest / s) ** 2 for rest, s in zip(rests, run_set.sigmas, strict=True))
     cases = run_set.values[0] / 2
@@ -400,7 +389,7 @@ def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     total, cases = along(measured), run_set.values[0] / 2
     kinds = ("parts", "compliance", "measuring_chain", "empirical")
     taken = {kind: np.zeros(run_set.orders.size) for kind in kinds} | {"left": along(fit.residual)}
-    for effect, part in zip(fit.added, _parts(fit), strict=True):
+    for effect, part in zip(fit.added, fit.added_linearly, strict=True):
         taken[_kind(source(effect.key))] += along(part)
     taken["parts"] += total - sum(taken.values())  # declared, and what is not linear
     return tuple(

@@ -99,13 +99,9 @@ def diagnose_drive(
 
 def _in_order(best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
     """Errors that grow along a run first, since without them no other figure means much; then the largest first."""
-    first, found = sum(len(e.values) for e in best.fit.declared.effects), []
-    for one in added:
-        last = first + len(one.effect.values)
-        made = np.concatenate([np.array(one.effect.values) @ raw[first:last] for raw in best.fit.raw])
-        found.append((source(one.effect.key).periodic, -float(made @ made), one))
-        first = last
-    return tuple(one for *_, one in sorted(found, key=lambda row: row[:2]))
+    made = [np.concatenate(parts) for parts in best.fit.added_linearly]
+    keys = [(source(one.effect.key).periodic, -float(row @ row)) for one, row in zip(added, made, strict=True)]
+    return tuple(added[at] for at in sorted(range(len(added)), key=lambda at: keys[at]))
 
 
 def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
