@@ -269,7 +269,7 @@ def to_separate(
     return tuple(found)
 
 
-def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: int = 2) -> tuple[Fold, ...]:
+def folds(mechanism: Mechanism, order: float, samples_per_turn: float) -> tuple[Fold, ...]:
     """Orders above the Nyquist order that would show at `order`, with the frames they fit.
 
     Parameters
@@ -278,8 +278,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     order : float
         Of the line, per output turn.
     samples_per_turn : float
-    most : int
-        Up to which multiple of the sampling.
+        Folds about this and twice as much are looked at.
 
     Returns
     -------
@@ -294,9 +293,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     """
     if not math.isfinite(samples_per_turn):
         return ()
-    above = sorted(
-        {float(k * samples_per_turn + side * order) for k in range(1, most + 1) for side in (-1, 1)} - {float(order)}
-    )
+    above = sorted({float(k * samples_per_turn + side * order) for k in (1, 2) for side in (-1, 1)} - {float(order)})
     return tuple(
         Fold(high, tuple(frames_of_order(mechanism, high)))
         for high in above

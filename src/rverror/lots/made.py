@@ -393,18 +393,18 @@ def _predicted(
     simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, cleaned: _Cleaned, seed: int
 ) -> tuple[Predicted, ...]:
     """Peak-to-peak of units to come, what is systematic as the measured units have it."""
-    rng, marked = np.random.default_rng(seed + 2), amplitudes.marked
+    rng, marked, few = np.random.default_rng(seed + 2), amplitudes.marked, simulator.amplitudes
     lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * marked
     waves = simulator.waveforms(estimate.state, rng.standard_normal((_PREDICTED, len(simulator.parts.process))))
     angles = waves.shape[-1]
-    common = simulator.amplitudes.waves(lifted[None] / simulator.scale, angles)[0]
+    common = few.waves(lifted[None] / simulator.scale, angles)[0]
     to_come = np.sort(np.ptp(waves + common, axis=2), axis=0)
     within = [
-        np.quantile(_peak_to_peak(simulator, values + lifted, angles), _SHARE, axis=0)
+        np.quantile(np.ptp(few.waves((values + lifted) / simulator.scale, angles), axis=2), _SHARE, axis=0)
         for values in _within_errors(estimate, rng)
     ]
     spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
-    rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, simulator.amplitudes.orders)
+    rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, few.orders)
     rows[:, np.tile(known, 2 * len(amplitudes.conditions))] = cleaned.values[cleaned.kept] / simulator.scale
     seen = np.ptp(amplitudes.waves(rows, angles), axis=2)
     found = []
@@ -425,11 +425,6 @@ def _predicted(
 
 _SHARE = 0.95  # of the units, below whose quantile they are
 _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
-
-
-def _peak_to_peak(simulator: Simulator, values: Array, angles: int) -> Array:
-    """Of units' whitened amplitudes, rad, shape (units, conditions)."""
-    return np.asarray(np.ptp(simulator.amplitudes.waves(values / simulator.scale, angles), axis=2))
 
 
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:

@@ -248,11 +248,10 @@ def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, 
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an added effect changes the prediction, the strongest first; over less than a turn its source's
     own."""
-    effects, record, at = fit.model.effects, fit.run_set.records[0], len(fit.declared.effects) + number
+    effect, record = fit.added[number], fit.run_set.records[0]
     if fit.run_set.linear or record.turns < 0.99:
-        found = source(effects[at].key).orders(fit.run_set.unit, effects[at].indices)
-        return tuple(abs(order) for order in found)
-    without = evaluated(fit.run_set, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
+        return tuple(map(abs, source(effect.key).orders(fit.run_set.unit, effect.indices)))
+    without = evaluated(fit.run_set, fit.model_with(instead_of=number), fit.declared)
     theta, change = even_travel(record.theta, without.residual[0] - fit.residual[0])
     size = np.pad(amplitude(harmonics(change), change.size), 1)
     orders = np.arange(1, size.size - 1) / round(theta.size * (theta[1] - theta[0]) / _TURN)

@@ -178,6 +178,19 @@ class RunSet:
         """Whether all runs are long enough to tell drift and settling from an encoder's error."""
         return self.sampled and all(r.turns > self.policy.least_cycles for r in self.records)
 
+    def noise_in(self, record: Record, rest: Array, fitted: float, *, calm: bool = False) -> RunNoise:
+        """Noise of what so many sizes leave of a run, `calm` where nothing else is left."""
+        return noise_of(
+            rest,
+            record.kept,
+            fitted,
+            floor=self.policy.model_error,
+            calm=calm,
+            by_criterion=self.linear,
+            parts=record.sides,
+            white=self.within_a_wave(record),
+        )
+
     def within_a_wave(self, record: Record) -> bool:
         """Tell whether a run holds less than half a turn of the crank: its wave is then a bow, as noise with memory
         makes."""
@@ -289,6 +302,11 @@ class Fit:
     def added(self) -> tuple[Effect, ...]:
         """Effects beside the declared ones."""
         return self.model.effects[len(self.declared.effects) :]
+
+    def model_with(self, *others: Effect, instead_of: int) -> Model:
+        """The model with some effects, or none, in the place of an added one."""
+        effects, at = self.model.effects, len(self.declared.effects) + instead_of
+        return replace(self.model, effects=(*effects[:at], *others, *effects[at + 1 :]))
 
     def places(self, number: int) -> slice:
         """Where the values of an added effect stand among all values."""
@@ -636,23 +654,9 @@ def with_estimated_noise(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records, rests = fit.run_set.records, _left_as_noise(fit)
     total, used = float(sum(r.kept.sum() for r in records)), float(fit.free.sum())
-    floor = fit.run_set.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
-    noises = [
-        noise_of(
-            rest,
-            r.kept,
-            share,
-            floor=floor,
-            calm=calm,
-            by_criterion=fit.run_set.linear,
-            parts=r.sides,
-            white=fit.run_set.within_a_wave(r),
-        )
-        for r, rest, share in three
-    ]
-    return _with_noises(fit, noises)
+    return _with_noises(fit, [fit.run_set.noise_in(*one, calm=calm) for one in three])
 
 
 def with_walk(fit: Fit, like: Fit) -> Fit:
@@ -678,20 +682,7 @@ def _left_as_noise(fit: Fit) -> list[Array]:
 
 def first_state(run_set: RunSet, model: Model, declared: Model) -> Fit:
     """The first state: noise of what the model leaves as it stands."""
-    flat = [
-        replace(
-            r,
-            noise=noise_of(
-                r.told_as_noise(r.error),
-                r.kept,
-                len(r.nuisance),
-                floor=run_set.policy.model_error,
-                parts=r.sides,
-                white=run_set.within_a_wave(r),
-            ),
-        )
-        for r in run_set.records
-    ]
+    flat = [replace(r, noise=run_set.noise_in(r, r.told_as_noise(r.error), len(r.nuisance))) for r in run_set.records]
     return with_estimated_noise(evaluated(run_set.with_records(flat), model, declared))
 
 
@@ -719,12 +710,11 @@ def as_declared(fit: Fit) -> Fit:
 
 def without_effect(fit: Fit, number: int) -> Fit:
     """The state without one of the added effects' part, the contacts as they are with it."""
-    effects, at = fit.model.effects, len(fit.declared.effects) + number
     own = np.arange(fit.moment.size)[fit.places(number)]
-    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
+    values, kept = np.array(fit.added[number].values), np.delete(np.arange(fit.moment.size), own)
     rows = [np.concatenate([(white[0] + values @ white[1 + own])[None], white[1 + kept]]) for white in fit.rows]
     return replace(
-        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]), rows=tuple(rows),
+        fit, model=fit.model_with(instead_of=number), rows=tuple(rows),
         residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
         raw=tuple(raw[kept] for raw in fit.raw), data=sum(float(white[0] @ white[0]) for white in rows),
         gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],

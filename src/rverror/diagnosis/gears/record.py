@@ -67,8 +67,6 @@ class Record:
     slow : bool
         Whether it drifts or settles by itself.
     noise : RunNoise, optional
-    faults : Faults, optional
-        What was found before any cause was looked for.
     absent : tuple of int
         Places of short gaps, where nothing was read.
     more : tuple of str
@@ -94,7 +92,6 @@ class Record:
     orders: tuple[float, ...] = ()
     slow: bool = False
     noise: RunNoise | None = None
-    faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
     sides: tuple[slice, ...] = ()
@@ -296,7 +293,7 @@ def _with_faults(record: Record, faults: Faults) -> Record:
         kept=np.insert(faults.kept, at, False)[chosen], absent=tuple(np.flatnonzero(absent[chosen]).tolist()),
         starts=tuple(sorted({0, *(int(place[one]) for one in breaks)} - {int(chosen.sum())})),
         slips=tuple(int(place[slip.index]) for slip in faults.slips),
-        time=None if record.time is None else even(record.time), faults=faults, made={},
+        time=None if record.time is None else even(record.time), made={},
     )  # fmt: skip
 
 

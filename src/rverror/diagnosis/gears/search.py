@@ -295,11 +295,9 @@ class Search:
 
     def _without(self, one: Hypothesis, number: int) -> Hypothesis:
         """The set without one cause; a few steps tell where not even a linear one promises enough."""
-        effects, at = one.fit.model.effects, len(one.fit.declared.effects) + number
-        if one.names == {named(effects[at])}:
+        if one.names == {named(one.fit.added[number])}:
             return self.root
-        model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
-        base = one.coarse
+        model, base = one.fit.model_with(instead_of=number), one.coarse
         few = fitted(evaluated(base.run_set, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
         fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
@@ -460,13 +458,12 @@ class Search:
         Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
         """
         coarse, most = one.coarse, one.fit.objective - 2 * math.log(self.policy.alike)
-        first, trials = len(coarse.declared.effects), []
-        for at, effect in enumerate(coarse.added):
-            trials += [
-                replace(coarse.model, effects=(*coarse.model.effects[: first + at], other, *coarse.added[at + 1 :]))
-                for other in equivalents(effect, coarse.run_set.unit)
-                if named(other) == named(effect)
-            ]
+        trials = [
+            coarse.model_with(other, instead_of=at)
+            for at, effect in enumerate(coarse.added)
+            for other in equivalents(effect, coarse.run_set.unit)
+            if named(other) == named(effect)
+        ]
 
         def fit_of(model: Model) -> Fit | None:
             try:

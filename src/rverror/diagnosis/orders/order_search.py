@@ -220,8 +220,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
             break
         gone = fit.added[number]
         journal.note("dropped", (gone.key, gone.indices), "needless once all are refitted at the load")
-        at = len(fit.declared.effects) + number
-        model = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
+        model = fit.model_with(instead_of=number)
         fit = fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
     return fit
 

@@ -41,7 +41,7 @@ from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.model.empirical import LAWS, tells_directions
-from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.runs.order_table import OrderCase, OrderTable, Waves
 from rverror.runs.spectrum import frames_of_order
 
 _LOADS = 5  # of each direction on which causes are looked for; all are fitted in the end.  Chosen for time
@@ -271,10 +271,10 @@ def _rms_of(rests: Sequence[Array]) -> float:
     return math.sqrt(float(np.mean([0.5 * float(rest @ rest) for rest in rests])))
 
 
-def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
+def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Waves] = ()) -> Residual:
     """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
     run_set = conditions_of(fit)
-    more = unknown or [np.zeros_like(rest) for rest in left]
+    more = [np.concatenate([part.real, part.imag]) for part in unknown] or [np.zeros_like(rest) for rest in left]
     rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
     return Residual(_rms_of(rests), _peaks(run_set, rests), _rms_of(held))
 
