@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -14,6 +14,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.base.text import describe
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
@@ -82,7 +83,7 @@ def lot(
     *,
     tolerances: Sequence[Tolerance] | None = None,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Lot:
     """Tell from the runs of many finished units what each process makes.
 
@@ -166,9 +167,7 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _matching(
-    simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Callable[[str], None]
-) -> MomentMatching:
+def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Progress) -> MomentMatching:
     """The method for units that belong together, with the same draws each time."""
     rng = np.random.default_rng(seed)
     count = len(simulator.parts.process)

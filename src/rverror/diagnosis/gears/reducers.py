@@ -43,7 +43,7 @@ from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
-from rverror.statics.loaded_state import NotConvergedError
+from rverror.statics.loaded_state import each_solved
 
 NoiseRule = Callable[[Search, Hypothesis, Fit], Fit]
 
@@ -256,16 +256,12 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     sizes = [source(e.key).acts != "marks" for e in fit.model.effects for _ in e.values]
     others[: len(sizes)] = sizes
 
-    def at(angle: float) -> Fit | None:
+    def at(angle: float) -> Fit:
         offset = fit.model.index_offset + angle
-        try:
-            there = evaluated(fit.run_set.anchored(offset), marked(fit.model, offset), fit.declared)
-            return fitted(fitted(there, free=others), steps=30)
-        except NotConvergedError:
-            return None
+        there = evaluated(fit.run_set.anchored(offset), marked(fit.model, offset), fit.declared)
+        return fitted(fitted(there, free=others), steps=30)
 
-    found = each(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1)])
-    fits = [other for other in found if other] or [fit]
+    fits = each_solved(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1)]) or [fit]
     best = min(fits, key=lambda other: as_compared(other.objective))
     near = -2 * math.log(policy.alike)
     alike = [other for other in fits if other is not best and other.objective - best.objective < near]

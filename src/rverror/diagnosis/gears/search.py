@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
 from rverror.model.effects import Model
-from rverror.statics.loaded_state import NotConvergedError
+from rverror.statics.loaded_state import each_solved
 
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
@@ -466,12 +466,9 @@ class Search:
         ]
 
         def fit_of(model: Model) -> Fit | None:
-            try:
-                fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
-            except NotConvergedError:
-                return None
+            fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
             return fitted(onto(one.fit.run_set, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
 
-        away = [fit for fit in each(fit_of, trials) if fit is not None and fit.objective < most]
+        away = [fit for fit in each_solved(fit_of, trials) if fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]
         return [fit for fit, both in pairs_of if any(np.dot(a.values, b.values) < 0 for a, b in both)]
