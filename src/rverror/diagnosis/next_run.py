@@ -14,7 +14,7 @@ from rverror.base.text import describe
 from rverror.base.units import to_display
 from rverror.diagnosis.pairs import Cause, Coverage as Coverage, Pair, closed_form_states, is_delay
 from rverror.geartrain.kinematics import folded_order, samples_needed
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
@@ -55,12 +55,11 @@ def _in_gears(entry: Source) -> bool:
     return not entry.at_output
 
 
-def _gives_way(entry: Source) -> bool:
-    return any(parameter.dimension == "compliance" for parameter in entry.parameters)
+def _has(dimension: str) -> Callable[[Source], bool]:
+    return lambda entry: any(parameter.dimension == dimension for parameter in entry.parameters)
 
 
-def _warms(entry: Source) -> bool:
-    return any(parameter.dimension == "temperature_rise" for parameter in entry.parameters)
+_gives_way, _warms = _has("compliance"), _has("temperature_rise")
 
 
 def _is_drift(entry: Source) -> bool:
@@ -176,7 +175,7 @@ _PROOFS = {"encoder": _is_reading, "input coupling": _is_input_coupling}
 def _words(coverage: Coverage, mechanism: Mechanism, pairs: Sequence[Pair]) -> dict[str, str]:
     """What rules fill in."""
     low, high = coverage.travel or (0.0, 2 * math.pi)
-    direction = _other_direction(coverage)
+    direction = "in reverse" if coverage.directions == {1.0} else "forward"
     return {
         "direction": direction,
         "and_back": f", and one {direction}" if len(coverage.directions) == 1 else "",
@@ -209,17 +208,6 @@ def _load(coverage: Coverage, mechanism: Mechanism, factor: float) -> str:
         return ""
     shown = (f"{to_display(value, 'torque'):.3g} N*m" for value in (wanted, now))
     return ", for instance {} where these had {}".format(*shown)
-
-
-def _other_direction(coverage: Coverage) -> str:
-    return "in reverse" if coverage.directions == {1.0} else "forward"
-
-
-def _needed(mechanism: Mechanism) -> int:
-    if isinstance(mechanism, Drive):
-        highest = max([abs(mechanism.ratio), *map(abs, mechanism.shafts.values())])
-        return int(2 ** math.ceil(math.log2(16 * highest + 1)))
-    return samples_needed(mechanism)
 
 
 def to_separate(
@@ -319,8 +307,8 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], coverage: Coverage) 
         return ()
     words = _words(coverage, mechanism, ())
     found = []
-    if math.isfinite(coverage.samples_per_turn):
-        count = max(_needed(mechanism), math.ceil(2.5 * coverage.samples_per_turn))
+    if isinstance(mechanism, Reducer) and math.isfinite(coverage.samples_per_turn):
+        count = max(samples_needed(mechanism), math.ceil(2.5 * coverage.samples_per_turn))
         known = [f for order in orders for f in folds(mechanism, order, coverage.samples_per_turn) if f.frames]
         above = f"order {known[0].order:g}, {known[0].frames[0]}," if known else "a line above it"
         why = (

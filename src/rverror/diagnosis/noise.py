@@ -80,13 +80,9 @@ def noise_of(
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
         orders = range(count + 1) if by_criterion else (count,)
-        found = _likeliest([autoregressive(correlation, lags, floor) for lags in orders], n)
+        by_lags = [autoregressive(correlation, lags, floor) for lags in orders]  # by the Bayesian criterion
+        found = min(by_lags, key=lambda one: 2 * n * math.log(one.sigma) + one.coefficients.size * math.log(n))
     return found
-
-
-def _likeliest(found: Sequence[RunNoise], samples: int) -> RunNoise:
-    """The noise whose lags the Bayesian criterion allows."""
-    return min(found, key=lambda one: 2 * samples * math.log(one.sigma) + one.coefficients.size * math.log(samples))
 
 
 def _periodogram(values: Array) -> tuple[Array, Array]:

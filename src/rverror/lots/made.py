@@ -16,6 +16,7 @@ from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
 from rverror.base.text import describe
+from rverror.geartrain.source import IndexValue
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
     ShiftSource,
@@ -51,7 +52,6 @@ _UNMARKED = (
     "zeros are not on the marks (index: unknown): systematic errors are part of the standard deviations, and groups "
     "and changes are not searched"
 )
-_UNKNOWN = Interval(math.nan, math.nan, math.nan)
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -352,20 +352,20 @@ def _means(
     if not simulator.amplitudes.marked:
         return (), ()
     parts = simulator.parts
-    found, rows = list[Shift](), list[Array]()
+    found, rows = list[tuple[str, dict[str, IndexValue], str, str]](), list[Array]()
     for number, process in enumerate(parts.processes):
         members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
         single = list(zip(process.instances, members[:, None], strict=True))
         together = [(process.indices, members)] if len(members) > 1 else []
         for indices, some in (*together, *(single if len(members) <= _FEW else ())):
             for parameter, places in zip(process.parameters, some.T, strict=True):
-                found.append(Shift(process.key, dict(indices), parameter.name, parameter.dimension, _UNKNOWN))
+                found.append((process.key, dict(indices), parameter.name, parameter.dimension))
                 rows.append(np.bincount(places, minlength=len(parts.process)) / len(places))
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = -float(scipy.special.ndtri(0.025 / len(rows)))
     means = tuple(
-        replace(one, size=Interval(size, size - 1.96 * error, size + 1.96 * error))
+        Shift(*one, Interval(size, size - 1.96 * error, size + 1.96 * error))
         for one, size, error in zip(found, sizes.tolist(), errors.tolist(), strict=True)
     )
     off = np.abs(sizes - np.array(rows) @ parts.middle) > far * errors

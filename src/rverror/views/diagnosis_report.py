@@ -386,12 +386,13 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
 def _remarks(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> dict[str, Sequence[str]]:
     """Sentences below the tables."""
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
+    unknown = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
     return {
         "stage": [_credit(diagnosis)],
         "unexplained": [own] if diagnosis.unexplained else [],
         "law": kinds_of_causes(diagnosis.passport) if _tells_loads(diagnosis) else [],
         "peak": [alone(diagnosis.resonances)],
-        "elastic": [_not_determined(diagnosis)],
+        "elastic": [f"These runs do not determine {unknown}."] if unknown else [],
         "bench": [] if bench is None else [of_figures(bench, whole=not diagnosis.shares)],
     }
 
@@ -487,9 +488,3 @@ def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
     for at, (what, pairs) in enumerate(tells.items(), 1):
         told = f" This tells {'; '.join(pairs)}." if pairs else ""
         yield Sentence(f" {what}.{told}", strong=f"Measure next, {at}:")
-
-
-def _not_determined(diagnosis: Diagnosis) -> str:
-    """What the runs do not say of stiffness, backlash and contact law."""
-    rest = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
-    return f"These runs do not determine {rest}." if rest else ""

@@ -14,7 +14,7 @@ from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, ont
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
+from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, line_at
 from rverror.diagnosis.gears.waveform import SOFT_BOUNDS, soft_values
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
@@ -56,14 +56,13 @@ def account(
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
-        bare = best.fit.run_set.with_records(_plain(best.fit.run_set.records))
-        best = search.score.of(fitted(onto(bare, root.fit)))
+        best = search.score.of(fitted(onto(best.fit.run_set.bare, root.fit)))
         left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         notes += fit.run_set.slow_notes(record, rest) if record.slow else []
-    plain = fit.run_set.with_records(_plain(fit.run_set.records))
+    plain = fit.run_set.bare
     as_printed = evaluated(plain, replace(as_declared(fit).model, effects=printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
@@ -99,10 +98,6 @@ def account(
         history=tuple(search.journal.fates),
         elastic=elastic_within(fit, halves),
     )
-
-
-def _plain(records: Sequence[Record]) -> list[Record]:
-    return [replace(r, orders=(), slow=False) for r in records]
 
 
 def printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
@@ -179,8 +174,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
             if fold > label.max():
                 continue
             others = ~out & record.kept
-            fast = replace(record, slow=False, slips=()).nuisance
-            rows = fast if not record.zero else np.concatenate([np.ones((1, rest.size)), fast])
+            rows = replace(record, zero="", slow=False, slips=()).nuisance
             alive = np.abs(rows[:, others]).max(axis=1, initial=0) > 0
             sizes = np.linalg.lstsq(rows[alive][:, others].T, rest[others], rcond=1e-10)[0]
             result[number][out] = (rest - sizes @ rows[alive])[out]
@@ -263,11 +257,10 @@ def line_estimates(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.run_set.policy
     rests = fit.residual
-    found: list[LineFound] = list(left)
+    found = list(left)
     for order in free:
         bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.run_set.records]
-        power, waves = power_of(bare, rests, order)
-        found.append(LineFound(order, power, tuple(waves)))
+        found.append(line_at(bare, rests, order))
     turns = max(r.turns for r in fit.run_set.records)
     result = []
     for line in found:

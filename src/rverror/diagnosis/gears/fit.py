@@ -109,6 +109,11 @@ class RunSet:
         """The same with other noise, lines or samples set aside."""
         return replace(self, records=tuple(records))
 
+    @property
+    def bare(self) -> RunSet:
+        """The same without free lines, and with nothing that drifts."""
+        return self.with_records([replace(r, orders=(), slow=False) for r in self.records])
+
     def slow_notes(self, record: Record, rest: Array) -> list[str]:
         """What the residual of a record that settles does so by, in words."""
         slow = replace(record, slips=()).slow_part(rest)
@@ -134,9 +139,9 @@ class RunSet:
     def coarse(self) -> RunSet:
         """The same on fewer angles and through means of samples: near enough to choose what is fitted to all.
 
-        What is a table's is few already.
+        What is a table's is few already, and of what is linear a step is the fit.
         """
-        if not self.sampled:
+        if not self.sampled or self.linear:
             return self
         # of a short run no fewer, or a fit to them has more sizes than they are
         together = [max(int(r.theta.size / max(r.turns, 1.0)) // _MEANS, 1) for r in self.records]
@@ -175,8 +180,8 @@ class RunSet:
 
     @property
     def settles(self) -> bool:
-        """Whether all runs are long enough to tell drift and settling from an encoder's error."""
-        return self.sampled and all(r.turns > self.policy.least_cycles for r in self.records)
+        """Whether all runs are long enough to tell drift and settling from an encoder's error, as a drive's bow is."""
+        return self.linear or (self.sampled and all(r.turns > self.policy.least_cycles for r in self.records))
 
     def noise_in(self, record: Record, rest: Array, fitted: float, *, calm: bool = False) -> RunNoise:
         """Noise of what so many sizes leave of a run, `calm` where nothing else is left."""
@@ -211,8 +216,8 @@ class RunSet:
         return tuple(e for e in felt(model.effects) if not self.apart(e.key))
 
     def apart(self, key: str) -> bool:
-        """Whether a source is added by its influence: a sun's, where it does not repeat with the turns."""
-        far = self.gears.exact_ratio.denominator > 1
+        """Whether a source is added by its influence: to samples a sun's, where it does not repeat with the turns."""
+        far = self.sampled and not self.linear and self.gears.exact_ratio.denominator > 1
         return far and source(key).frame == "sun" and not source(key).at_output
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:

@@ -139,8 +139,7 @@ def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> 
             latest = with_own_noise(search, best, seen, [] if changed else search.parts(best))
         else:
             latest = with_estimated_noise(seen)
-        bare = [replace(r, orders=(), slow=False) for r in latest.run_set.records]
-        root = fitted(onto(latest.run_set.with_records(bare), search.root.fit))
+        root = fitted(onto(latest.run_set.bare, search.root.fit))
         search = search.anew(root)
         before = best.names
         best, done = search.best(search.score.of(fitted(latest), best.lines, best.slow))

@@ -28,7 +28,7 @@ _OWN, _MOST_OWN = 0.3, 4  # orders of an effect: share of its strongest, and how
 
 @dataclass(frozen=True)
 class LineFound:
-    """A line that noise does not explain.
+    """A line of the residual.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ def _beside_a_walk(records: Sequence[Record], rests: Sequence[Array], order: flo
         assert record.noise is not None
         wanders = walking(record.noise, record.without_nuisance(rest), record.kept)
         move = float(np.ptp(record.theta)) / (record.theta.size - 1)
-        total += power_of([record], [rest], order)[0] / (1 + float(wanders.excess(np.array([order * move]))[0]))
+        total += line_at([record], [rest], order).power / (1 + float(wanders.excess(np.array([order * move]))[0]))
     return total
 
 
@@ -177,19 +177,18 @@ def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, 
     if 0 < best < near.size - 1:
         left, middle, right = powers[best - 1 : best + 2]
         top = near[best] + 0.5 * (left - right) / (left - 2 * middle + right) * (near[1] - near[0])
-    power, waves = power_of(records, rests, float(top))
-    return LineFound(float(top), power, tuple(waves))
+    return line_at(records, rests, float(top))
 
 
-def power_of(records: Sequence[Record], rests: Sequence[Array], order: float) -> tuple[float, list[complex]]:
-    """Power of one line by its own fit in each whitened run."""
+def line_at(records: Sequence[Record], rests: Sequence[Array], order: float) -> LineFound:
+    """The line of an order by its own fit in each whitened run."""
     rows = [np.stack([np.cos(order * record.theta), np.sin(order * record.theta)]) for record in records]
     power, sizes = explained(records, rests, rows)
-    return power, [complex(size[0], -size[1]) for size in sizes]
+    return LineFound(order, power, tuple(complex(size[0], -size[1]) for size in sizes))
 
 
 def powers_of(records: Sequence[Record], rests: Sequence[Array], orders: Array) -> list[float]:
-    """`power_of` each of some lines by itself."""
+    """Power of each of some lines by itself."""
     total = np.zeros(orders.size)
     for record, rest in zip(records, rests, strict=True):
         angle = np.outer(orders, record.theta)

@@ -174,12 +174,8 @@ def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Columns]:
     taken = {named(e) for e in fit.model.effects}
     free = [c for c in candidates if identity(c) not in taken]
     made = columns_of(fit, free) if free else []
-    return [block for block in made if _shows(block)]
-
-
-def _shows(block: Columns) -> bool:
-    """Tell whether a size that a workshop makes does more than noise to some number."""
-    return any(np.abs(block.plausible[:, None] * rows).max() > 1 for rows in block.rows)
+    # a size that a workshop makes does more than noise to some number
+    return [b for b in made if any(np.abs(b.plausible[:, None] * rows).max() > 1 for rows in b.rows)]
 
 
 def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:

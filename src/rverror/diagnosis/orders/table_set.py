@@ -209,10 +209,6 @@ class TableSet(RunSet):
         numbers, _ = self.values
         return np.asarray(numbers + self.policy.by_chance * np.sqrt(2 * numbers))
 
-    def apart(self, key: str) -> bool:
-        """Every source that the contacts feel is solved."""
-        return False
-
     @cached_property
     def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import EverySample, Observation
@@ -65,11 +66,6 @@ class DriveSet(RunSet):
     made: dict[object, Any] = field(default_factory=dict, repr=False)
     linear: ClassVar[bool] = True
 
-    @property
-    def settles(self) -> bool:
-        """A bow, or a constant for each direction, is no encoder's error."""
-        return True
-
     def framed(self, order: float, apart: float) -> bool:
         """Tell whether an order is that of a candidate, or lies nearer to one than so much."""
         return bool(np.abs(self._every_order - order).min(initial=math.inf) < apart)
@@ -78,15 +74,6 @@ class DriveSet(RunSet):
     def _every_order(self) -> Array:
         """Of all candidates."""
         return np.array([order for name in self.candidates for order in _orders(self.unit, name)])
-
-    @property
-    def coarse(self) -> RunSet:
-        """The same: there is no grid, and a linear step is the fit."""
-        return self
-
-    def apart(self, key: str) -> bool:
-        """Nothing is solved."""
-        return False
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
         """A waveform of nothing."""
@@ -133,9 +120,10 @@ class DriveSet(RunSet):
                 self.policy.false_alarm, len(rows)
             ):
                 continue
-            size, unit = record.in_units(float(np.ptp(sizes[at] @ rows)))
+            size = to_display(float(np.ptp(sizes[at] @ rows)) * record.unit, record.quantity)
             notes.append(
-                f"{record.name}: {name}, {size:.4g} {unit} peak-to-peak, is significant; it is taken off and not named"
+                f"{record.name}: {name}, {size:.4g} {DISPLAY_UNITS[record.quantity]} peak-to-peak, is significant; "
+                "it is taken off and not named"
             )
         return notes
 

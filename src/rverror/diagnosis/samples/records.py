@@ -59,10 +59,6 @@ class DriveRecord(Record):
         kept[turned] = kept[turned + 1] = False
         return Whitening(self.noise, kept, self.starts, self.nuisance)
 
-    def in_units(self, size: float) -> tuple[float, str]:
-        """A size of the error as people read it, and its unit."""
-        return units.to_display(size * self.unit, self.quantity), units.DISPLAY_UNITS[self.quantity]
-
     @cached_property
     def settling(self) -> Array:
         """Slow changes that any run may have beside its offset, and lost motion where it turns both ways."""
