@@ -371,7 +371,10 @@ class Fit:
     @cached_property
     def weights(self) -> Array:
         """Inverse variance of each value's prior, 0 where there is none, infinite where it is fixed."""
-        return prior_weights(self)
+        sigmas = [e.uncertainty or 0.0 for e in self.declared.effects for _ in e.values]
+        sigmas += [sigma for e in self.added for sigma in self.run_set.deviation(e.key, e.indices)]
+        sigmas += self.run_set.soft_sigmas
+        return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(self.run_set.zeros))
 
     @cached_property
     def free(self) -> Flags:
@@ -386,7 +389,10 @@ class Fit:
     @cached_property
     def departure(self) -> Array:
         """How far each value is from the middle of its prior."""
-        return departures(self.model, self.declared, self.run_set.unit, len(self.run_set.zeros))
+        sizes, middle = ([v for e in model.effects for v in e.values] for model in (self.model, self.declared))
+        middle += [0.0] * (len(sizes) - len(middle))  # of what was added
+        soft = soft_values(self.model.mechanism) - soft_values(self.run_set.unit)
+        return np.concatenate([np.subtract(sizes, middle), soft, np.zeros(len(self.run_set.zeros))])
 
     @cached_property
     def prior(self) -> float:
@@ -401,7 +407,14 @@ class Fit:
     @cached_property
     def covariance(self) -> Array:
         """Covariance of all values, shape (k, k): 0 where fixed; every other value has a prior, or is a shared zero."""
-        return covariance_of(self.gram / self.scale, self.weights)
+        gram, free = self.gram / self.scale, self.free
+        result = np.zeros_like(gram)
+        if free.any():
+            whole = gram[np.ix_(free, free)] + np.diag(self.weights[free])
+            scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+            inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+            result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
+        return result
 
 
 def as_compared(objective: float) -> float:
@@ -419,20 +432,6 @@ def scale_of(data: float, bound: float, policy: Policy) -> float:
     return max(1.0, 1 + (data - bound) / policy.regular)
 
 
-def layout(model: Model, zeros: int) -> tuple[int, int]:
-    """Number of effect values, and of all values."""
-    count = sum(len(e.values) for e in model.effects)
-    return count, count + len(SOFTENING) + zeros
-
-
-def prior_weights(fit: Fit) -> Array:
-    """Inverse variances of priors."""
-    sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
-    sigmas += [sigma for e in fit.added for sigma in fit.run_set.deviation(e.key, e.indices)]
-    sigmas += fit.run_set.soft_sigmas
-    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.run_set.zeros))
-
-
 def _gears(unit: Mechanism) -> Reducer:
     """The reducer whose contacts give way."""
     assert isinstance(unit, Reducer)
@@ -445,34 +444,14 @@ def soft_spread(unit: Reducer) -> list[float]:
     return [*stiffness, BACKLASH_SPREAD * unit.gear_backlash, *LAW_SPREAD.values()]
 
 
-def covariance_of(gram: Array, weights: Array) -> Array:
-    """Covariance under priors; 0 where fixed."""
-    free = np.isfinite(weights)
-    result = np.zeros_like(gram)
-    if free.any():
-        whole = gram[np.ix_(free, free)] + np.diag(weights[free])
-        scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-        inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
-    return result
-
-
-def departures(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) -> Array:
-    """How far each value is from the middle of its prior."""
-    found: list[float] = []
-    for i, effect in enumerate(fit_model.effects):
-        middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
-        found += [v - m for v, m in zip(effect.values, middle, strict=True)]
-    return np.array([*found, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
-
-
 def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
     """A fit's state at given sizes: prediction, residual, changes."""
     waves = run_set.solve(model, near)
     offset = model.index_offset
-    count, size = layout(model, len(run_set.zeros))
     solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not run_set.apart(e.key)]
     ends = np.cumsum([0, *(len(e.values) for e in model.effects)])
+    count = int(ends[-1])
+    size = count + len(SOFTENING) + len(run_set.zeros)
     others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
     apart = [e for _, e in others if run_set.apart(e.key)]
     forces = [c.forces(w) if apart else (None, None) for c, w in zip(run_set.conditions, waves, strict=True)]
