@@ -112,12 +112,12 @@ def noise_rms(fit: Fit) -> float:
     """Root mean square of the noise: of the residual where nothing else is left, else of its model."""
     total, count = 0.0, 0.0
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
-        assert record.noise is not None
+        noise = record.whiten.noise
         clean = record.without_nuisance(rest)[record.kept]
         used = max(clean.size - len(record.nuisance) - 1, 1)
         size = float(clean @ clean) / used
-        wanders = record.noise.step**2 * clean.size / 6  # variance of a random walk about its mean
-        total += min(size, 1.1 * record.noise.rms**2 + wanders) * used
+        wanders = noise.step**2 * clean.size / 6  # variance of a random walk about its mean
+        total += min(size, 1.1 * noise.rms**2 + wanders) * used
         count += used
     return math.sqrt(total / count)
 

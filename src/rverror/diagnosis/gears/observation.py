@@ -229,7 +229,6 @@ class MeanSamples(EverySample):
     def whitening(self) -> Whitening:
         """Whitening under the noise of means."""
         record = self.record
-        assert record.noise is not None
         doubtful = None if record.doubtful is None else self.averaged(record.doubtful)
-        noise, nuisance = averaged(record.noise, self.together), self.averaged(record.nuisance)
+        noise, nuisance = averaged(record.whiten.noise, self.together), self.averaged(record.nuisance)
         return Whitening(noise, self._kept, self._labels[1], nuisance, doubtful)

@@ -133,9 +133,8 @@ def _strongest(
 
     def seen(both: tuple[Record, Array]) -> tuple[Array, Array]:
         record, rest = both
-        assert record.noise is not None
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
-        return line_spectrum(record.theta, clean, record.noise, lowest, highest)
+        return line_spectrum(record.theta, clean, record.whiten.noise, lowest, highest)
 
     (orders, total), *others = each(seen, list(zip(records, rests, strict=True)))
     for order, power in others:
@@ -161,8 +160,7 @@ def _beside_a_walk(records: Sequence[Record], rests: Sequence[Array], order: flo
     """Power of one line where the random walk that is likeliest in each run adds to the noise at its order."""
     total = 0.0
     for record, rest in zip(records, rests, strict=True):
-        assert record.noise is not None
-        wanders = walking(record.noise, record.without_nuisance(rest), record.kept)
+        wanders = walking(record.whiten.noise, record.without_nuisance(rest), record.kept)
         move = float(np.ptp(record.theta)) / (record.theta.size - 1)
         total += line_at([record], [rest], order).power / (1 + float(wanders.excess(np.array([order * move]))[0]))
     return total

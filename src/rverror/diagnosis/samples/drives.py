@@ -198,9 +198,7 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = list[Hypothesis](), one.fit.run_set.records, one.with_rows
-        if self._settles(whole):
-            found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
+        found, records, whole = self.with_settling(one), one.fit.run_set.records, one.with_rows
         room = MOST_LINES - len(one.lines)
         for most in (1, min(room, _TOGETHER)) if room else ():
             lines = tuple(line.order for line in best_lines(whole.fit, self.policy, outside=True, most=most))
