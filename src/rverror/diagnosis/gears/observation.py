@@ -68,6 +68,16 @@ class Observation(Protocol):
         """Independent values."""
 
 
+def _once(kept: dict[object, Any], key: object, make: Callable[[], T]) -> T:
+    """What is made for a key, once; another thread may clear what is kept at any time."""
+    found: T | None = kept.get(key)
+    if found is None:
+        if len(kept) > _KEPT:
+            kept.clear()
+        found = kept[key] = make()
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class EverySample(Observation):
     """A run sample by sample."""
@@ -91,7 +101,7 @@ class EverySample(Observation):
 
     def readout(self, grid: AngleGrid, offset: float) -> Readout:
         """The way from a grid to the samples."""
-        return self._once((grid, offset), lambda: grid.to_samples(self.record.theta + offset))
+        return _once(self.record.made, (grid, offset), lambda: grid.to_samples(self.record.theta + offset))
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, at the samples."""
@@ -122,17 +132,7 @@ class EverySample(Observation):
     def _motion(self, unit: Mechanism, offset: float) -> Pose:
         """Motion at the samples, made once: stiffness plays no part in it."""
         turned = replace(self.record, theta=self.record.theta + offset)
-        return self._once(offset, lambda: turned.pose(unit))
-
-    def _once(self, key: object, make: Callable[[], T]) -> T:
-        """What the angles of the samples give, made once."""
-        kept = self.record.made
-        found: T | None = kept.get(key)
-        if found is None:
-            if len(kept) > _KEPT:
-                kept.clear()
-            found = kept[key] = make()
-        return found
+        return _once(self.record.made, offset, lambda: turned.pose(unit))
 
     @property
     def whitening(self) -> Whitening:
@@ -203,18 +203,11 @@ class MeanSamples(EverySample):
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, as means."""
-        return self._way(grid, offset)(rows)
-
-    def _way(self, grid: AngleGrid, offset: float) -> Callable[[Array], Array]:
-        found = self._ways.get((grid, offset))
-        if found is None:  # another thread may clear what is kept at any time
-            if len(self._ways) > _KEPT:
-                self._ways.clear()
-            found = self._ways[grid, offset] = self.readout(grid, offset).averaged(self.means)
-        return found
+        way = _once(self._ways, (grid, offset), lambda: self.readout(grid, offset).averaged(self.means))
+        return way(rows)
 
     @cached_property
-    def _ways(self) -> dict[tuple[AngleGrid, float], Callable[[Array], Array]]:
+    def _ways(self) -> dict[object, Any]:
         return {}
 
     def change(self, wave: Waveform, offset: float) -> Array:

@@ -141,10 +141,14 @@ class Linear:
         """Squares of conditions that are left out."""
         return float(sum(rest @ rest for rest in self.left_out))
 
+    def places(self, number: int) -> slice:
+        """Where the sizes of a block stand in a step."""
+        first = int(self.free.sum()) + sum(len(b.directions) for b in self.blocks[:number])
+        return slice(first, first + len(self.blocks[number].directions))
+
     def sizes(self, number: int) -> Array:
         """Sizes of a block at the best step."""
-        first = int(self.free.sum()) + sum(len(b.directions) for b in self.blocks[:number])
-        return self.best[first : first + len(self.blocks[number].directions)]
+        return self.best[self.places(number)]
 
     def effects(self) -> list[Effect]:
         """Blocks as effects, at their best sizes."""

@@ -329,14 +329,13 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
 def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     """A law that describes an order."""
     effect = replace(laws.effects()[number], origin=origin)
-    first = sum(len(b.directions) for b in laws.blocks[:number])
-    own = range(first, first + len(effect.values))
     (at,) = np.flatnonzero(laws.run_set.orders == effect.indices["harmonic"])
     numbers = float(laws.run_set.values[0][at])
     # a law that does not hold leaves more than noise of its order
     more = max(1.0, float(laws.squares[at]) / numbers)
     size = student((1 - laws.run_set.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
-    halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
+    variances = np.diag(laws.covariance)[laws.places(number)]
+    halves = [size * math.sqrt(more * variance) for variance in variances.tolist()]
     estimates, _ = estimated(effect, halves)
     orders = source(effect.key).orders(laws.run_set.unit, effect.indices)
     notes = ("describes an order and explains nothing: no part is behind it",)
