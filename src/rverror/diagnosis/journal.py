@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rverror.base.progress import Progress
+from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.result import Fate
-from rverror.geartrain.source import IndexValue
-
-Name = tuple[str, Mapping[str, IndexValue]]
 
 
 @dataclass
@@ -27,6 +24,6 @@ class Journal:
     round: int = 0
     fates: list[Fate] = field(default_factory=list)
 
-    def note(self, fate: str, name: Name, why: str) -> None:
+    def note(self, fate: str, name: Named, why: str) -> None:
         """Write down what became of a candidate in this round: ``fell``, ``added`` or ``dropped``."""
         self.fates.append(Fate(self.round, name[0], dict(name[1]), fate, why))

@@ -242,7 +242,7 @@ def to_separate(
     if others:
         whole = closed_form_states(mechanism)
         seen = closed_form_states(mechanism, coverage.travel) if coverage.travel else whole
-        pairs = [Pair(mechanism, effect, other, coverage, seen, whole) for other in others]
+        pairs = [Pair(effect, other, coverage, seen, whole) for other in others]
         chosen = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
         chosen.append((_LAST, [pair for pair in pairs if not any(pair in settled for _, settled in chosen)]))
         chosen = [(rule, settled) for rule, settled in chosen if settled]

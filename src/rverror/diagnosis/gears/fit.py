@@ -475,7 +475,7 @@ def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Wav
             predicted = predicted + np.array(effect.values) @ rows[own]
         for k, label in enumerate(run_set.zeros):
             if run_set.records[number].zero == label:
-                rows[count + len(SOFTENING) + k] = observation.constant
+                rows[count + len(SOFTENING) + k] = 1.0
         rest = observation.measured - predicted
         white = _whitened(observation, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]

@@ -8,7 +8,7 @@ the whitening.  With W [B, X, y] = Q R, X what is no waveform of the gear train 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
@@ -42,10 +42,6 @@ class Observation(Protocol):
     @property
     def measured(self) -> Array:
         """The error."""
-
-    @property
-    def constant(self) -> Array:
-        """An offset of one."""
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid."""
@@ -93,11 +89,6 @@ class EverySample(Observation):
     def measured(self) -> Array:
         """The error."""
         return self.record.error
-
-    @property
-    def constant(self) -> Array:
-        """An offset of one."""
-        return np.ones(self.width)
 
     def readout(self, grid: AngleGrid, offset: float) -> Readout:
         """The way from a grid to the samples."""
@@ -162,6 +153,7 @@ class MeanSamples(EverySample):
     """
 
     together: int
+    _ways: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def _labels(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], tuple[int, ...]]:
@@ -205,10 +197,6 @@ class MeanSamples(EverySample):
         """Rows on a grid, as means."""
         way = _once(self._ways, (grid, offset), lambda: self.readout(grid, offset).averaged(self.means))
         return way(rows)
-
-    @cached_property
-    def _ways(self) -> dict[object, Any]:
-        return {}
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""

@@ -96,11 +96,6 @@ class TableObservation(Observation):
         """The waves."""
         return np.concatenate([self.case.waves.real, self.case.waves.imag])
 
-    @property
-    def constant(self) -> Array:
-        """An offset has no wave."""
-        return np.zeros(self.width)
-
     @cached_property
     def _own(self) -> Array:
         """Matrix (points, 2 k) from values on the turn to waves, a constant beside them."""

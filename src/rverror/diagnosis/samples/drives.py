@@ -209,10 +209,6 @@ class DriveSearch(Search):
                 break
         return found
 
-    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
-        """None that would fit better: all were beside it when it was added."""
-        return []
-
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
         """Candidates that fit as well in the place of a cause, however large."""
         return self._once(("in place", number), one.fit, lambda: self._in_place(one, number))
