@@ -280,11 +280,9 @@ def _shifted(parts: UnitParts, causes: Sequence[Shift]) -> Array:
     """What shifts change of the errors of all parts, shape (components,)."""
     found = np.zeros(len(parts.process))
     for one in causes:
-        for at, parameter in enumerate(parts.parameters):
-            effect = parts.effects[parts.effect[at]]
-            same = effect.key == one.key and one.indices.items() <= effect.indices.items()
-            if same and parameter.name == one.parameter:
-                found[at] += one.size.value
+        same = np.array([e.key == one.key and one.indices.items() <= e.indices.items() for e in parts.effects])
+        named = np.array([parameter.name == one.parameter for parameter in parts.parameters])
+        found[same[parts.effect] & named] += one.size.value
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -32,11 +32,11 @@ class State:
     deviation : ndarray, shape (processes,)
         Standard deviations, core units.
     compliance : ndarray, shape (6,)
-        Logarithms of compliances over those of the model; all of `SOFTENING` may be given.
+        Logarithms of compliances over those of the model, which it has where left out; all of `SOFTENING` may be given.
     """
 
     deviation: Array
-    compliance: Array
+    compliance: Array = field(default_factory=lambda: np.zeros(COMPLIANCES))
 
 
 class SolvedUnit(NamedTuple):
@@ -233,8 +233,3 @@ class Simulator:
     def errors(self, state: State, standard: Array) -> Array:
         """Errors of the parts about the drawing's means, core units, shape (units, components)."""
         return np.maximum(self.parts.middle + standard * state.deviation[self.parts.process], self.parts.least)
-
-
-def as_stated(deviation: Array) -> State:
-    """A state of the model's stiffness."""
-    return State(deviation, np.zeros(COMPLIANCES))

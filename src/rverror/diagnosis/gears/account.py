@@ -73,16 +73,15 @@ def account(
     added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
         search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
-    origin = [a.effect for a in added]
-    settled = "explained" if added else "nothing_missing"
     unclear = not done and not lines and not added
     if unclear:
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
-    result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
+    kept = fit.model.effects[: len(fit.declared.effects)]
+    result = replace(fit.model, effects=(*kept, *(one.effect for one in added)))
     if len(model.effects) > len(declared.effects):
         notes.append(offset_note(fit, declared, halves))
     return Diagnosis(
-        verdict="unexplained" if lines or unclear else settled,
+        verdict="unexplained" if lines or unclear else "explained" if added else "nothing_missing",
         noise_rms=noise_rms(fit),
         before=residual(as_printed, hold=True),
         before_refitted=residual(refitted),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -66,10 +67,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
     bent = policy.line_share * max(float(np.std(part)) for part in fit.added_parts)
-
-    def is_framed(order: float) -> bool:
-        return fit.run_set.framed(order, apart)
-
+    is_framed = partial(fit.run_set.framed, apart=apart)
     for _ in range(_MOST_PEAKS):
         line = _strongest(records, rests, policy, is_framed if outside else None, _SLOW * (not fit.run_set.linear))
         if line is None or len(found) == most:

@@ -147,19 +147,19 @@ class LoadCase:
             rows = effect_matrix(where, closed_form_forces(where), effects)
             values = np.array([v for e in effects for v in e.values])
             return Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)
-        solved = self._statics(unit, grid).predict(effects, self._carried(near, grid))
+        solved = self._statics(unit, grid).predict(effects, self._near(near, grid))
         assert solved.softening is not None
         return Waveform(grid, solved.transmission_error, solved.matrix, solved.softening, effects, unit, solved.poses)
 
-    def _carried(self, near: Waveform | None, grid: AngleGrid) -> Array | None:
-        """Poses at the angles of a grid: its own, or those over one turn of the crank, after each of which the gear
-        train stands as it did, turned with the carrier."""
-        poses = None if near is None else near.poses
-        if near is None or poses is None or near.grid == grid:
-            return poses
-        if not near.grid.closed or near.grid.points == self.turn.points:
+    def _near(self, near: Waveform | None, grid: AngleGrid) -> Array | None:
+        return None if near is None else near.poses if near.grid == grid else self._carried(near, grid)
+
+    def _carried(self, near: Waveform, grid: AngleGrid) -> Array | None:
+        """Poses over one turn of the crank at the angles of another grid: after each the gear train stands as it did,
+        turned with the carrier."""
+        if near.poses is None or not near.grid.closed or near.grid.points == self.turn.points:
             return None
-        still = turned(near.unit, poses, near.grid.start - near.grid.theta)
+        still = turned(near.unit, near.poses, near.grid.start - near.grid.theta)
         at = grid.theta - near.grid.start
         return turned(near.unit, near.grid.to_samples(grid.theta)(still.T).T, at)
 
@@ -169,4 +169,5 @@ class LoadCase:
         if self.torque is None:
             return where, closed_form_forces(where)
         statics = self._statics(wave.unit, self.turn)
-        return statics.motion, statics.forces(wave.effects, self._carried(wave, self.turn))
+        start = wave.poses if wave.grid == self.turn else self._carried(wave, self.turn)
+        return statics.motion, statics.forces(wave.effects, start)

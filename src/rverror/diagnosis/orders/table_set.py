@@ -242,21 +242,18 @@ def table_set(
     turn = whole(0.0, 2 * math.pi, points)
     torques = [case.condition.torque for case in cases]
     least = _DRAG * max((t for t in torques if t), default=0.0)
-    conditions: dict[tuple[float, float | None], LoadCase] = {}
-    which, rows = [], []
-    for case, torque in zip(cases, torques, strict=True):
-        load = None if torque is None or not least else max(torque, least)
-        key = (case.condition.direction, load)
-        conditions.setdefault(key, LoadCase(*key, turn))
-        which.append(list(conditions).index(key))
-        rows.append(TableRow(load))
+    loads = [None if torque is None or not least else max(torque, least) for torque in torques]
+    keys = [(case.condition.direction, load) for case, load in zip(cases, loads, strict=True)]
+    distinct = list(dict.fromkeys(keys))
     loaded = bool(least)
     refit = loaded and policy.refit_stiffness
     return TableSet(
         unit=unit,
-        records=cast("tuple[Record, ...]", tuple(rows)),  # of which a fit asks no more than a `TableRow` has
-        conditions=tuple(conditions.values()),
-        which=tuple(which),
+        records=cast(
+            "tuple[Record, ...]", tuple(map(TableRow, loads))
+        ),  # of which a fit asks no more than a `TableRow` has
+        conditions=tuple(LoadCase(*key, turn) for key in distinct),
+        which=tuple(map(distinct.index, keys)),
         policy=policy,
         soft=np.array([refit] * 9 + [loaded]),
         anywhere=anywhere,

@@ -36,10 +36,10 @@ _ANY = 1e9
 _NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
 _FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
-#: Fields of a result and its parts that are sizes of what was measured, and that hold some; and those of a trace.
+#: Fields of a result that are sizes of what was measured, and that hold some; traces, and what is theirs alone.
 _SIZES = ("noise_rms", "rms", "peak_to_peak", "heldout_rms", "amplitude", "cos", "sin", "value", "low", "high")
-_HOLDING = ("before", "before_refitted", "after", "added", "effect", "estimates", "values", "unexplained", "traces")
-_OF_TRACES = ("measured", "left_out")
+_HOLDING = ("before", "before_refitted", "after", "added", "effect", "estimates", "values", "unexplained")
+_TRACED = ("traces", "measured", "left_out")
 
 
 def diagnose_drive(
@@ -121,7 +121,7 @@ def _scaled(thing: Any, unit: float) -> Any:
         return tuple(_scaled(one, unit) for one in thing)
     if isinstance(thing, float | np.ndarray):
         return unit * thing
-    sized = {name: getattr(thing, name, None) for name in (*_SIZES, *_HOLDING, *_OF_TRACES)}
+    sized = {name: getattr(thing, name, None) for name in (*_SIZES, *_HOLDING, *_TRACED)}
     return replace(thing, **{name: _scaled(one, unit) for name, one in sized.items() if one is not None})
 
 

@@ -98,7 +98,7 @@ def records_of_drive(model: Model, runs: Sequence[Run]) -> tuple[list[DriveRecor
         run.check_effects(model, name)
         notes += [f"{name}: {note}" for note in run.notes]
         notes += _rounding(run, drive, name) if quantity == "angle" else []
-        theta, signal, first = _signal(run, drive, name, quantity)
+        theta, signal, first = _signal(run, drive, quantity)
         if first:
             notes.append(f"{name}: {first} samples of standstill and run-up left out")
         unit = 1.0 if quantity == "angle" else float(np.std(signal)) / _TORQUE or 1.0
@@ -145,7 +145,7 @@ def _is_torque_record(run: Run) -> bool:
     return run.te_column is None and angles == 1 and run.torque_record is not None
 
 
-def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Array, int]:
+def _signal(run: Run, drive: Drive, quantity: str) -> tuple[Array, Array, int]:
     """Nominal output angle and the signal of a run, and how many samples at its start are no steady motion."""
     if quantity == "angle":
         return run.nominal_angle(drive), run.error(drive), 0
