@@ -98,7 +98,7 @@ def former_name(former: str, now: str) -> Any:
         warn_former(f"{kind}.{former}", f"{kind}.{now}")
         return getattr(thing, now)
 
-    return property(read)
+    return property(read, doc=f"Former name of `{now}`.")
 
 
 def renamed(**now: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
