@@ -15,7 +15,7 @@ from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted, with_estimated_noise
 from rverror.diagnosis.gears.record import Record, records_of
-from rverror.diagnosis.gears.reducers import candidates_of
+from rverror.diagnosis.gears.reducers import offered
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.waveform import softened
 from rverror.diagnosis.journal import Journal
@@ -130,7 +130,7 @@ def beside(fit: Fit, *added: Effect) -> Fit:
 def search_of(fit: Fit, keys: Collection[str] = (), *, offsets: Sequence[float] = (), **rules: Any) -> Search:
     """A search from what is declared, under the noise of a fit, for causes of some keys or of all."""
     policy = replace(POLICY, keys=tuple(keys), **rules)
-    candidates = candidates_of(fit.declared, fit.run_set.records, policy)
+    candidates = offered(fit.declared, fit.run_set.records, policy.tries)
     return Search(beside(fit), candidates, policy, Journal(quiet), offsets)
 
 

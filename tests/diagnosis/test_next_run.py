@@ -42,7 +42,7 @@ def sized(key: str, indices: dict[str, Any]) -> Effect:
 
 @pytest.mark.parametrize(("first", "second"), list(permutations(ORDER_40, 2)))
 def test_both_directions_tell_sources_of_order_40_apart_and_one_does_not(first: Any, second: Any) -> None:
-    pair = Pair(UNIT, sized(*first), second, ONE_WAY, STATES, STATES)
+    pair = Pair(sized(*first), second, ONE_WAY, STATES, STATES)
     assert pair.now < 0.03
     assert 0.1 < pair.both < 0.995
     steps = to_separate(UNIT, sized(*first), [second], ONE_WAY)
@@ -60,7 +60,7 @@ def test_the_missing_direction_is_asked_for() -> None:
 @pytest.mark.parametrize("other", [{"crank": 1, "disc": 0}, {"crank": 0, "disc": 1}])
 @pytest.mark.parametrize("coverage", [ONE_WAY, BOTH])
 def test_which_crank_or_disc_needs_light_load(coverage: Coverage, other: dict[str, int]) -> None:
-    pair = Pair(UNIT, CRANK, ("crank.eccentricity", other), coverage, STATES, STATES)
+    pair = Pair(CRANK, ("crank.eccentricity", other), coverage, STATES, STATES)
     assert pair.both < 0.01
     steps = to_separate(UNIT, CRANK, [("crank.eccentricity", other)], coverage)
     assert steps[0].name == "light load"
@@ -152,7 +152,7 @@ ECCENTRIC, RATIO, DRIFT, DELAY, COUPLING, MOTOR, IDLER, STAGE, OUTPUT = (
 
 
 def pair_of(effect: Effect, other: Any, coverage: Coverage) -> Pair:
-    return Pair(DRIVE, effect, other, coverage, closed_form_states(DRIVE, coverage.travel), closed_form_states(DRIVE))
+    return Pair(effect, other, coverage, closed_form_states(DRIVE, coverage.travel), closed_form_states(DRIVE))
 
 
 @pytest.mark.parametrize("half", [0.2, 0.35, 1.0])

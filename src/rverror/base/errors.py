@@ -6,7 +6,7 @@ import functools
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -82,6 +82,23 @@ def warn_former(former: str, now: str) -> None:
     """
     text = f"{former} is {now} now; write that: the old form ends with version {FORMER_UNTIL}"
     warnings.warn(text, DeprecationWarning, stacklevel=3)
+
+
+def former_name(former: str, now: str) -> Any:
+    """Property of a class that has an attribute under its former name, with a warning.
+
+    Parameters
+    ----------
+    former, now : str
+        Names of the attribute.
+    """
+
+    def read(thing: object) -> Any:
+        kind = type(thing).__name__
+        warn_former(f"{kind}.{former}", f"{kind}.{now}")
+        return getattr(thing, now)
+
+    return property(read, doc=f"Former name of `{now}`.")
 
 
 def renamed(**now: str) -> Callable[[Callable[P, R]], Callable[P, R]]:

@@ -14,7 +14,7 @@ from rverror.base.text import describe
 from rverror.base.units import to_display
 from rverror.diagnosis.pairs import Cause, Coverage as Coverage, Pair, closed_form_states, is_delay
 from rverror.geartrain.kinematics import folded_order, samples_needed
-from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
@@ -55,12 +55,11 @@ def _in_gears(entry: Source) -> bool:
     return not entry.at_output
 
 
-def _gives_way(entry: Source) -> bool:
-    return any(parameter.dimension == "compliance" for parameter in entry.parameters)
+def _has(dimension: str) -> Callable[[Source], bool]:
+    return lambda entry: any(parameter.dimension == dimension for parameter in entry.parameters)
 
 
-def _warms(entry: Source) -> bool:
-    return any(parameter.dimension == "temperature_rise" for parameter in entry.parameters)
+_gives_way, _warms = _has("compliance"), _has("temperature_rise")
 
 
 def _is_drift(entry: Source) -> bool:
@@ -176,7 +175,7 @@ _PROOFS = {"encoder": _is_reading, "input coupling": _is_input_coupling}
 def _words(coverage: Coverage, mechanism: Mechanism, pairs: Sequence[Pair]) -> dict[str, str]:
     """What rules fill in."""
     low, high = coverage.travel or (0.0, 2 * math.pi)
-    direction = _other_direction(coverage)
+    direction = "in reverse" if coverage.directions == {1.0} else "forward"
     return {
         "direction": direction,
         "and_back": f", and one {direction}" if len(coverage.directions) == 1 else "",
@@ -211,17 +210,6 @@ def _load(coverage: Coverage, mechanism: Mechanism, factor: float) -> str:
     return ", for instance {} where these had {}".format(*shown)
 
 
-def _other_direction(coverage: Coverage) -> str:
-    return "in reverse" if coverage.directions == {1.0} else "forward"
-
-
-def _needed(mechanism: Mechanism) -> int:
-    if isinstance(mechanism, Drive):
-        highest = max([abs(mechanism.ratio), *map(abs, mechanism.shafts.values())])
-        return int(2 ** math.ceil(math.log2(16 * highest + 1)))
-    return samples_needed(mechanism)
-
-
 def to_separate(
     mechanism: Mechanism, effect: Effect, others: Sequence[Cause], coverage: Coverage
 ) -> tuple[Measurement, ...]:
@@ -254,7 +242,7 @@ def to_separate(
     if others:
         whole = closed_form_states(mechanism)
         seen = closed_form_states(mechanism, coverage.travel) if coverage.travel else whole
-        pairs = [Pair(mechanism, effect, other, coverage, seen, whole) for other in others]
+        pairs = [Pair(effect, other, coverage, seen, whole) for other in others]
         chosen = [(rule, [pair for pair in pairs if rule.helps(pair)]) for rule in _RULES]
         chosen.append((_LAST, [pair for pair in pairs if not any(pair in settled for _, settled in chosen)]))
         chosen = [(rule, settled) for rule, settled in chosen if settled]
@@ -269,7 +257,7 @@ def to_separate(
     return tuple(found)
 
 
-def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: int = 2) -> tuple[Fold, ...]:
+def folds(mechanism: Mechanism, order: float, samples_per_turn: float) -> tuple[Fold, ...]:
     """Orders above the Nyquist order that would show at `order`, with the frames they fit.
 
     Parameters
@@ -278,8 +266,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     order : float
         Of the line, per output turn.
     samples_per_turn : float
-    most : int
-        Up to which multiple of the sampling.
+        Folds about this and twice as much are looked at.
 
     Returns
     -------
@@ -294,9 +281,7 @@ def folds(mechanism: Mechanism, order: float, samples_per_turn: float, *, most: 
     """
     if not math.isfinite(samples_per_turn):
         return ()
-    above = sorted(
-        {float(k * samples_per_turn + side * order) for k in range(1, most + 1) for side in (-1, 1)} - {float(order)}
-    )
+    above = sorted({float(k * samples_per_turn + side * order) for k in (1, 2) for side in (-1, 1)} - {float(order)})
     return tuple(
         Fold(high, tuple(frames_of_order(mechanism, high)))
         for high in above
@@ -322,8 +307,8 @@ def to_place(mechanism: Mechanism, orders: Sequence[float], coverage: Coverage) 
         return ()
     words = _words(coverage, mechanism, ())
     found = []
-    if math.isfinite(coverage.samples_per_turn):
-        count = max(_needed(mechanism), math.ceil(2.5 * coverage.samples_per_turn))
+    if isinstance(mechanism, Reducer) and math.isfinite(coverage.samples_per_turn):
+        count = max(samples_needed(mechanism), math.ceil(2.5 * coverage.samples_per_turn))
         known = [f for order in orders for f in folds(mechanism, order, coverage.samples_per_turn) if f.frames]
         above = f"order {known[0].order:g}, {known[0].frames[0]}," if known else "a line above it"
         why = (

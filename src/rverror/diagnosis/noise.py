@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -80,13 +80,9 @@ def noise_of(
             own = np.fft.irfft(without_lines(power / shape) * shape, piece.size)[: count + 1]
             correlation += own * (piece.size / sum(one.size for one in pieces))
         orders = range(count + 1) if by_criterion else (count,)
-        found = _likeliest([autoregressive(correlation, lags, floor) for lags in orders], n)
+        by_lags = [autoregressive(correlation, lags, floor) for lags in orders]  # by the Bayesian criterion
+        found = min(by_lags, key=lambda one: 2 * n * math.log(one.sigma) + one.coefficients.size * math.log(n))
     return found
-
-
-def _likeliest(found: Sequence[RunNoise], samples: int) -> RunNoise:
-    """The noise whose lags the Bayesian criterion allows."""
-    return min(found, key=lambda one: 2 * samples * math.log(one.sigma) + one.coefficients.size * math.log(samples))
 
 
 def _periodogram(values: Array) -> tuple[Array, Array]:
@@ -250,24 +246,25 @@ class Whitening:
     starts: tuple[int, ...]
     nuisance: Array
     doubtful: Array | None = None
-    _basis: Array = field(init=False)
-    _doubts: tuple[Array, Array] | None = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Span what is to be taken out."""
+    @cached_property
+    def _basis(self) -> Array:
+        """Of what is to be taken out, shape (b, n)."""
         dropped = np.flatnonzero(~self.kept)
         units = np.zeros((dropped.size, self.kept.size))
         units[np.arange(dropped.size), dropped] = 1
         rows = self.filtered(np.concatenate([self.nuisance, units]))
         size = np.linalg.norm(rows, axis=1)
         shows = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
-        basis = np.linalg.qr((rows[shows] / size[shows, None]).T)[0]
-        object.__setattr__(self, "_basis", np.ascontiguousarray(basis.T))
-        doubts = None
-        if self.doubtful is not None:  # their covariance beside noise of variance 1: large along a few waves
-            _, size, waves = np.linalg.svd(self._without_nuisances(self.filtered(self.doubtful)), full_matrices=False)
-            doubts = np.ascontiguousarray(waves), size**2
-        object.__setattr__(self, "_doubts", doubts)
+        return np.ascontiguousarray(np.linalg.qr((rows[shows] / size[shows, None]).T)[0].T)
+
+    @cached_property
+    def _doubts(self) -> tuple[Array, Array] | None:
+        """Waves of what is doubtful, and its variance along each beside noise of variance 1: large along a few."""
+        if self.doubtful is None:
+            return None
+        _, size, waves = np.linalg.svd(self._without_nuisances(self.filtered(self.doubtful)), full_matrices=False)
+        return np.ascontiguousarray(waves), size**2
 
     def _without_nuisances(self, white: Array) -> Array:
         """Whitened rows less what nuisances make of them."""
@@ -288,10 +285,7 @@ class Whitening:
 
         out = np.empty_like(rows)
         filtered_into(out, np.ascontiguousarray(rows), self.noise.filter)
-        return self._stilled(np.asarray(out[:, self._used]))
-
-    def _stilled(self, white: Array) -> Array:
-        """Waves of a random walk made as large as all others."""
+        white = np.asarray(out[:, self._used])
         return _evened(white, *self._walk) if self.noise.walk else white
 
     @cached_property

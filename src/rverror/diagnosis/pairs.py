@@ -63,7 +63,6 @@ class Pair:
 
     Attributes
     ----------
-    mechanism : Reducer or Drive
     effect : Effect
         The named cause with its size.
     other : tuple of str and mapping
@@ -73,7 +72,6 @@ class Pair:
         whole turns.
     """
 
-    mechanism: Mechanism
     effect: Effect
     other: Cause
     coverage: Coverage

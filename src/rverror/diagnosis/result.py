@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rverror.base.arrays import Array
-from rverror.base.errors import warn_former
+from rverror.base.errors import former_name
 from rverror.base.viewed import Viewed
 from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance
@@ -138,11 +138,7 @@ class ElasticEstimate:
     high: float
     determined: bool
 
-    @property
-    def told(self) -> bool:
-        """Former name of `determined`."""
-        warn_former("ElasticEstimate.told", "ElasticEstimate.determined")
-        return self.determined
+    told = former_name("told", "determined")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.base.errors import warn_former
+from rverror.base.errors import former_name
 from rverror.runs.order_table import Waves
 
 #: Of all discs and intervals.
@@ -64,11 +64,7 @@ class WavePart:
         """Whether zero is outside the disc."""
         return self.low > 0.0
 
-    @property
-    def told(self) -> bool:
-        """Former name of `significant`."""
-        warn_former("WavePart.told", "WavePart.significant")
-        return self.significant
+    told = former_name("told", "significant")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,11 +208,7 @@ class DirectionLaw:
     torque: Array
     waves: Waves
 
-    @property
-    def not_told(self) -> tuple[str, ...]:
-        """Former name of `not_determined`."""
-        warn_former("DirectionLaw.not_told", "DirectionLaw.not_determined")
-        return self.not_determined
+    not_told = former_name("not_told", "not_determined")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -243,7 +243,9 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
     InputError
         If fewer units are left, or a serial number stands twice.
     """
-    _check_serials(read)
+    twice = [serial for serial, count in Counter(unit.serial for unit in read).items() if count > 1]
+    if twice:
+        raise InputError(f"serial {twice[0]!r} stands for {count_of(2, 'unit')}; give each unit a serial of its own")
     conditions = _common(read)
     whole = [one for one in read if conditions and all(c in one.values for c in conditions)]
     kept = {one.serial for one in whole}
@@ -268,12 +270,6 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
         tuple(one.serial for one in whole), labels, conditions, np.arange(1, count + 1), rows,
         _noise(rows, len(conditions), marked=not turned), min(one.samples for one in whole), tuple(notes), not turned,
     )  # fmt: skip
-
-
-def _check_serials(units: Sequence[UnitAmplitudes]) -> None:
-    twice = [serial for serial, count in Counter(unit.serial for unit in units).items() if count > 1]
-    if twice:
-        raise InputError(f"serial {twice[0]!r} stands for {count_of(2, 'unit')}; give each unit a serial of its own")
 
 
 def split_unit(model: Model, unit: LotUnit, *, noun: str = "unit") -> UnitAmplitudes:

@@ -8,7 +8,6 @@ from rverror.base.numbers import brief
 from rverror.base.text import printable
 from rverror.base.toml import quoted
 from rverror.base.units import DISPLAY_UNITS, parse, to_display
-from rverror.geartrain.source import IndexValue
 from rverror.lots.result import Interval, Lot, MadeBy
 from rverror.model.catalogue import source
 from rverror.tolerances.declared import Tolerance
@@ -71,7 +70,8 @@ def _table(process: MadeBy, deviation: Interval, means: Mapping[str, float]) -> 
     size, low, high = (brief(to_display(x, dimension)) for x in (deviation.value, deviation.low, deviation.high))
     lines = ["", "[[tolerance]]", f"key = {quoted(process.key)}"]
     if process.indices:
-        lines.append(f"indices = {_inline({name: _value(value) for name, value in process.indices.items()})}")
+        indices = {name: quoted(at) if isinstance(at, str) else str(at) for name, at in process.indices.items()}
+        lines.append(f"indices = {_inline(indices)}")
     if len(chosen) < len(every):
         lines.append(f"parameters = [{', '.join(map(quoted, process.parameters))}]")
     said = f"standard deviation {size} {DISPLAY_UNITS[dimension]}, 95 % interval {low} to {high}"
@@ -91,7 +91,3 @@ def _inline(items: Mapping[str, str]) -> str:
 
 def _sized(value: float, dimension: str, digits: str) -> str:
     return f"{to_display(value, dimension):{digits}} {DISPLAY_UNITS[dimension]}"
-
-
-def _value(value: IndexValue) -> str:
-    return quoted(value) if isinstance(value, str) else str(value)

@@ -14,7 +14,7 @@ import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -24,6 +24,7 @@ import numpy as np
 
 from rverror.base.errors import InputError, check_each
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.base.text import PathLike, check_name, some
 from rverror.base.version import __version__
 from rverror.lots.amplitudes import Amplitudes, Condition, UnitAmplitudes, joined_units, split_unit
@@ -39,8 +40,6 @@ _HEAD = {"format": "rverror lot", "version": 2}
 _AHEAD = 64  # tasks that wait for workers: enough for a cluster, and no more in memory than these
 _AGAIN = "compress the runs again"
 _SINGLE = np.dtype("<f4")  # of amplitudes in a file
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class LotInputs:
         """Units whose runs are still to be read."""
         return tuple(unit for part in self.parts for unit in part.units)
 
-    def amplitudes(self, *, executor: Executor | None = None, progress: Tell | None = None) -> Amplitudes:
+    def amplitudes(self, *, executor: Executor | None = None, progress: Progress | None = None) -> Amplitudes:
         """Units of all parts as one lot, ready for `lot`: of a unit only amplitudes of orders are kept.
 
         Parameters
@@ -110,7 +109,7 @@ class LotInputs:
         *,
         overwrite: bool = False,
         executor: Executor | None = None,
-        progress: Tell | None = None,
+        progress: Progress | None = None,
     ) -> Compression:
         """Write a file with the amplitudes of all units.
 

@@ -15,7 +15,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import Process, UnitParts
-from rverror.lots.simulated import Draws, Simulator, State, as_stated
+from rverror.lots.simulated import Draws, Simulator, State
 from rverror.model.effects import Model
 
 #: Relative precision that a workshop's variance must be known with, by itself, to be told at all: its interval then
@@ -73,7 +73,7 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
     workshop = np.array([process.plausible for process in processes])
     whole = Simulator(model, parts, amplitudes)
     standard = np.random.default_rng(seed).standard_normal((_FEW, len(parts.process)))
-    draws = whole.draws(as_stated(_SPREAD * workshop), standard)
+    draws = whole.draws(State(_SPREAD * workshop), standard)
     information = _information(draws, _SPREAD * workshop, len(amplitudes.values))
     own = np.sqrt(np.diag(information)) * workshop**2
     kept, partners = _apart(information, own)
@@ -88,7 +88,7 @@ def question_of(model: Model, amplitudes: Amplitudes, processes: Sequence[Proces
         found,
         tuple(tuple(processes[other] for other in partners[at]) for at in kept),
         tuple(process for at, process in enumerate(processes) if own[at] < TOLD),
-        as_stated(_start(few, shown[kept][:, np.tile(orders, 2 * len(few.conditions))], workshop[kept], least)),
+        State(_start(few, shown[kept][:, np.tile(orders, 2 * len(few.conditions))], workshop[kept], least)),
         least,
     )
 

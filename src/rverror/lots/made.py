@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -14,7 +14,9 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
+from rverror.base.progress import Progress
 from rverror.base.text import describe
+from rverror.geartrain.source import IndexValue
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
 from rverror.lots.differences import (
     ShiftSource,
@@ -50,7 +52,6 @@ _UNMARKED = (
     "zeros are not on the marks (index: unknown): systematic errors are part of the standard deviations, and groups "
     "and changes are not searched"
 )
-_UNKNOWN = Interval(math.nan, math.nan, math.nan)
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -82,7 +83,7 @@ def lot(
     *,
     tolerances: Sequence[Tolerance] | None = None,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Lot:
     """Tell from the runs of many finished units what each process makes.
 
@@ -166,9 +167,7 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _matching(
-    simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Callable[[str], None]
-) -> MomentMatching:
+def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Progress) -> MomentMatching:
     """The method for units that belong together, with the same draws each time."""
     rng = np.random.default_rng(seed)
     count = len(simulator.parts.process)
@@ -281,11 +280,9 @@ def _shifted(parts: UnitParts, causes: Sequence[Shift]) -> Array:
     """What shifts change of the errors of all parts, shape (components,)."""
     found = np.zeros(len(parts.process))
     for one in causes:
-        for at, parameter in enumerate(parts.parameters):
-            effect = parts.effects[parts.effect[at]]
-            same = effect.key == one.key and one.indices.items() <= effect.indices.items()
-            if same and parameter.name == one.parameter:
-                found[at] += one.size.value
+        same = np.array([e.key == one.key and one.indices.items() <= e.indices.items() for e in parts.effects])
+        named = np.array([parameter.name == one.parameter for parameter in parts.parameters])
+        found[same[parts.effect] & named] += one.size.value
     return found
 
 
@@ -353,20 +350,20 @@ def _means(
     if not simulator.amplitudes.marked:
         return (), ()
     parts = simulator.parts
-    found, rows = list[Shift](), list[Array]()
+    found, rows = list[tuple[str, dict[str, IndexValue], str, str]](), list[Array]()
     for number, process in enumerate(parts.processes):
         members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
         single = list(zip(process.instances, members[:, None], strict=True))
         together = [(process.indices, members)] if len(members) > 1 else []
         for indices, some in (*together, *(single if len(members) <= _FEW else ())):
             for parameter, places in zip(process.parameters, some.T, strict=True):
-                found.append(Shift(process.key, dict(indices), parameter.name, parameter.dimension, _UNKNOWN))
+                found.append((process.key, dict(indices), parameter.name, parameter.dimension))
                 rows.append(np.bincount(places, minlength=len(parts.process)) / len(places))
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = -float(scipy.special.ndtri(0.025 / len(rows)))
     means = tuple(
-        replace(one, size=Interval(size, size - 1.96 * error, size + 1.96 * error))
+        Shift(*one, Interval(size, size - 1.96 * error, size + 1.96 * error))
         for one, size, error in zip(found, sizes.tolist(), errors.tolist(), strict=True)
     )
     off = np.abs(sizes - np.array(rows) @ parts.middle) > far * errors
@@ -393,18 +390,18 @@ def _predicted(
     simulator: Simulator, amplitudes: Amplitudes, estimate: LotEstimate, cleaned: _Cleaned, seed: int
 ) -> tuple[Predicted, ...]:
     """Peak-to-peak of units to come, what is systematic as the measured units have it."""
-    rng, marked = np.random.default_rng(seed + 2), amplitudes.marked
+    rng, marked, few = np.random.default_rng(seed + 2), amplitudes.marked, simulator.amplitudes
     lifted = (cleaned.values[cleaned.kept].mean(axis=0) - estimate.draws.mean) * marked
     waves = simulator.waveforms(estimate.state, rng.standard_normal((_PREDICTED, len(simulator.parts.process))))
     angles = waves.shape[-1]
-    common = simulator.amplitudes.waves(lifted[None] / simulator.scale, angles)[0]
+    common = few.waves(lifted[None] / simulator.scale, angles)[0]
     to_come = np.sort(np.ptp(waves + common, axis=2), axis=0)
     within = [
-        np.quantile(_peak_to_peak(simulator, values + lifted, angles), _SHARE, axis=0)
+        np.quantile(np.ptp(few.waves((values + lifted) / simulator.scale, angles), axis=2), _SHARE, axis=0)
         for values in _within_errors(estimate, rng)
     ]
     spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
-    rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, simulator.amplitudes.orders)
+    rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, few.orders)
     rows[:, np.tile(known, 2 * len(amplitudes.conditions))] = cleaned.values[cleaned.kept] / simulator.scale
     seen = np.ptp(amplitudes.waves(rows, angles), axis=2)
     found = []
@@ -425,11 +422,6 @@ def _predicted(
 
 _SHARE = 0.95  # of the units, below whose quantile they are
 _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
-
-
-def _peak_to_peak(simulator: Simulator, values: Array, angles: int) -> Array:
-    """Of units' whitened amplitudes, rad, shape (units, conditions)."""
-    return np.asarray(np.ptp(simulator.amplitudes.waves(values / simulator.scale, angles), axis=2))
 
 
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:

@@ -14,7 +14,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.lots.differences import Fits, single_parts
 from rverror.lots.processes import UnitParts
-from rverror.lots.result import Outsider, Shift
+from rverror.lots.result import Outsider
 
 _TAIL = 0.25  # of the members, to which a tail is fitted: of 150 units 38
 _RATE = 1.0  # at most of a tail, for the largest of many chi-squares has it; contacts that open make tails longer
@@ -112,8 +112,8 @@ def outsiders(
     tuple of Outsider
         The least likely first; without causes where only its whole distance is too large.
     """
-    total, far, whole = _all_in_all(weight, values, members)
-    ways = [(whole, far)]
+    total, theirs = (_distances(weight, some) for some in (values, members))
+    ways = [(MembersTail(np.sqrt(theirs), _ALL_OVER), np.sqrt(total / _more(total, theirs)))]  # all in all
     if marked:
         fits = Fits.of(single_parts(influence, parts), weight)
         chi, along, tail = _along(fits, weight, values, members)
@@ -124,7 +124,9 @@ def outsiders(
         chance = min(chances)
         if marked and chances[1] < level:
             best = fits.best(chi[unit])
-            causes = _causes(fits, best, values[unit], members)
+            sizing = fits.sizing[best]
+            errors = np.sqrt(np.mean((members @ sizing) ** 2, axis=0))  # those that a member's sizes have
+            causes = fits.candidates[best].shifts(values[unit] @ sizing, errors, _NORMAL)
             rivals = fits.rivals(chi[unit], best)
             found.append(Outsider(serial, float(chi[unit, best]), chance, causes, rivals))
         elif chance < level:
@@ -163,17 +165,3 @@ def _more(units: Array, members: Array) -> Array:
 
 def _distances(weight: Array, some: Array) -> Array:
     return np.asarray(np.einsum("ud,ud->u", some @ weight, some))
-
-
-def _all_in_all(weight: Array, values: Array, members: Array) -> tuple[Array, Array, MembersTail]:
-    """Squared distance of each unit, its root as members make it, and that of members."""
-    distance, theirs = (_distances(weight, some) for some in (values, members))
-    root = np.sqrt(distance / _more(distance, theirs))
-    return distance, root, MembersTail(np.sqrt(theirs), _ALL_OVER)
-
-
-def _causes(fits: Fits, best: int, unit: Array, members: Array) -> tuple[Shift, ...]:
-    """Sizes of a candidate, with the errors that a member's have."""
-    sizing = fits.sizing[best]
-    errors = np.sqrt(np.mean((members @ sizing) ** 2, axis=0))
-    return fits.candidates[best].shifts(unit @ sizing, errors, _NORMAL)

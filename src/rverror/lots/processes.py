@@ -87,8 +87,7 @@ class UnitParts:
     @cached_property
     def process(self) -> npt.NDArray[np.intp]:
         """Process of each component, shape (p,)."""
-        sizes = [len(process.instances) * len(process.parameters) for process in self.processes]
-        return np.repeat(np.arange(len(sizes)), sizes)
+        return np.repeat(np.arange(len(self.processes)), [len(p.instances) * len(p.parameters) for p in self.processes])
 
     @cached_property
     def effect(self) -> npt.NDArray[np.intp]:

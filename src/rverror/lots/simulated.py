@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.threads import each
 from rverror.diagnosis.gears.reducers import curved
 from rverror.diagnosis.gears.waveform import softened
 from rverror.lots.amplitudes import Amplitudes
 from rverror.lots.processes import UnitParts
 from rverror.model.effects import Model
-from rverror.statics.loaded_state import SOFTENING, NotConvergedError
+from rverror.statics.loaded_state import SOFTENING, NotConvergedError, each_solved
 from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
@@ -33,11 +32,11 @@ class State:
     deviation : ndarray, shape (processes,)
         Standard deviations, core units.
     compliance : ndarray, shape (6,)
-        Logarithms of compliances over those of the model; all of `SOFTENING` may be given.
+        Logarithms of compliances over those of the model, which it has where left out; all of `SOFTENING` may be given.
     """
 
     deviation: Array
-    compliance: Array
+    compliance: Array = field(default_factory=lambda: np.zeros(COMPLIANCES))
 
 
 class SolvedUnit(NamedTuple):
@@ -141,13 +140,10 @@ class Simulator:
         """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n)."""
         turns = self._loaded(state.compliance)
 
-        def solve(values: Array) -> Array | None:
-            try:
-                return np.array([turn.read(turn.state(values), values) for turn in turns])
-            except NotConvergedError:
-                return None
+        def solve(values: Array) -> list[Array]:
+            return [turn.read(turn.state(values), values) for turn in turns]
 
-        return np.array([one for one in each(solve, list(self.errors(state, standard))) if one is not None])
+        return np.array(each_solved(solve, list(self.errors(state, standard))))
 
     def values(self, state: State, standard: Array) -> Array:
         """Whitened amplitudes of units, of those that have an equilibrium, shape (units, d)."""
@@ -159,15 +155,12 @@ class Simulator:
         turns, errors, process = self._loaded(state.compliance), self.errors(state, standard), self.parts.process
         members = [np.flatnonzero(process == number) for number in range(len(self.parts.processes))]
 
-        def solve(number: int) -> tuple[Array, Array, Array, Array] | None:
-            try:
-                value, influence, by_softening = self._solved(turns, errors[number])
-            except NotConvergedError:
-                return None
+        def solve(number: int) -> tuple[Array, Array, Array, Array]:
+            value, influence, by_softening = self._solved(turns, errors[number])
             by_process = np.array([standard[number, some] @ influence[some] for some in members])
             return value, influence, by_process, by_softening[:COMPLIANCES]
 
-        solved = [one for one in each(solve, range(len(standard))) if one is not None]
+        solved = each_solved(solve, range(len(standard)))
         values, rows, by_process, by_compliance = (np.array(column) for column in zip(*solved, strict=True))
         squares = np.empty((len(members), rows.shape[2], rows.shape[2]))
         for square, some in zip(squares, members, strict=True):
@@ -240,8 +233,3 @@ class Simulator:
     def errors(self, state: State, standard: Array) -> Array:
         """Errors of the parts about the drawing's means, core units, shape (units, components)."""
         return np.maximum(self.parts.middle + standard * state.deviation[self.parts.process], self.parts.least)
-
-
-def as_stated(deviation: Array) -> State:
-    """A state of the model's stiffness."""
-    return State(deviation, np.zeros(COMPLIANCES))

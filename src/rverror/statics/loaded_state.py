@@ -10,12 +10,14 @@ sharply curved.  `ContactLaw.profile_curvature` lets pins follow it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.threads import each
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose, torque_or_load
@@ -38,6 +40,9 @@ from rverror.statics.energy import (
 if TYPE_CHECKING:
     from rverror.statics.kernel import Problem, Solution
 
+T = TypeVar("T")
+R = TypeVar("R")
+
 _NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness times pin circle radius squared
 
 
@@ -59,6 +64,25 @@ SOFTENING = (
 
 class NotConvergedError(RuntimeError):
     """The equilibrium was not found at some angles; the message names them."""
+
+
+def each_solved(function: Callable[[T], R | None], items: Sequence[T]) -> list[R]:
+    """What a function makes of each item, side by side, without those of which there is no equilibrium.
+
+    Parameters
+    ----------
+    function : callable
+        None is left out too.
+    items : sequence
+    """
+
+    def solved(item: T) -> R | None:
+        try:
+            return function(item)
+        except NotConvergedError:
+            return None
+
+    return [found for found in each(solved, items) if found is not None]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from rverror.runs.measuring_chain import uncertainty_of
 from rverror.views.bench_report import bench_json, of_figures, of_orders
 from rverror.views.blocks import Sentence, Sheet
 from rverror.views.describing import described, entries, sheet, sheet_of, table as table_of
-from rverror.views.diagnosis_report import SIGNALS, validation_json
+from rverror.views.diagnosis_report import validation_json
 from rverror.views.fields import about, entry, rows
 from rverror.views.model_report import name_of
 from rverror.views.shown_units import ANGLE, NUMBER, TORQUE
@@ -59,7 +59,7 @@ def _content(made: Compensation, *, table: WrittenTable | None = None) -> dict[s
             for stage in ("before", "after")
         },
         "bench_uncertainty": bench_json(uncertainty_of(made.model.encoders, made.model.mechanism.ratio)),
-        "validation": validation_json(made.unseen, SIGNALS["angle"]),
+        "validation": validation_json(made.unseen, "angle"),
         "table": None if table is None else _written(table),
         "correction": correction_json(made.correction, made.index),
     }

@@ -35,23 +35,23 @@ _WORDING = tomllib.loads(shipped("words.toml"))  # names and headings as people 
 _WORDS = ("held_by", "moves", "part", "verdict")  # columns of words that the model file joins by underscores
 
 
-def table(result: Any) -> Table:
+def table(result: Any, **options: Any) -> Table:
     """Description of a result as variables along named dimensions."""
-    made = described(result)
+    made = described(result, **options)
     return replace(made, kind=made.kind or type(result).__name__, rows=made.rows or made.dims[0])
 
 
 @singledispatch
-def described(result: Any) -> Table:
+def described(result: Any, /, **options: Any) -> Table:
     """What a kind registers of `table`."""
     kinds = sorted(kind.__name__ for kind in described.registry if kind is not object)
     raise InputError(f"{type(result).__name__}: no table is made of it; give one of {', '.join(kinds)}")
 
 
 @singledispatch
-def sheet(result: Any, /) -> Sheet:
+def sheet(result: Any, /, **options: Any) -> Sheet:
     """Report of a result: of its table, unless its kind says more."""
-    return sheet_of(table(result))
+    return sheet_of(table(result, **options))
 
 
 @singledispatch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from rverror.views.describing import InputFile, content, content_of, described, 
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
-from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Unit
+from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, TORQUE, Unit, unit_of
 from rverror.views.variables import Table, Variable
 
 _STAGES = {"before": "as declared", "before_refitted": "declared sizes refitted", "after": "with what was added"}
@@ -38,20 +38,13 @@ _SAMPLES = {
 _PARTS = ("housing", "carrier", "disc", "crank", "planet", "sun", "output")  # frames that are parts
 
 
-@dataclass(frozen=True)
-class SignalUnit:
-    """Unit in which the signal is shown, and the ending of its keys in JSON."""
-
-    unit: Unit
-    suffix: str
-
-    def of(self, thing: Any, *names: str, **places: str) -> dict[str, Any]:
-        """Entries of sizes, by their names or under others."""
-        where = {name: name for name in names} | places
-        return entry(thing, **{f"{name}_{self.suffix}": (place, self.unit) for name, place in where.items()})
+_SUFFIXES = {"angle": "arcsec", "torque": "newton_metre"}  # of keys in JSON of what was measured
 
 
-SIGNALS = {"angle": SignalUnit(ANGLE, "arcsec"), "torque": SignalUnit(TORQUE, "newton_metre")}
+def _measured(quantity: str, thing: Any, *names: str, **places: str) -> dict[str, Any]:
+    """Entries of sizes of what was measured, by their names or under others."""
+    where, unit = {name: name for name in names} | places, unit_of(quantity)
+    return entry(thing, **{f"{name}_{_SUFFIXES[quantity]}": (place, unit) for name, place in where.items()})
 
 
 def stated_bench(diagnosis: Diagnosis) -> BenchUncertainty | None:
@@ -144,7 +137,7 @@ def next_steps(diagnosis: Diagnosis) -> list[tuple[Addition | None, Measurement]
 @described.register
 def diagnosis_table(result: Diagnosis) -> Table:
     """What a diagnosis tells: verdict, sizes, rivals, what to measure next, and the numbers behind it."""
-    signal, bench, unit = SIGNALS[result.quantity].unit, stated_bench(result), result.declared.mechanism
+    signal, bench, unit = unit_of(result.quantity), stated_bench(result), result.declared.mechanism
     of_rms: dict[str, Field] = {} if bench is None else {"bench_uncertainty": (lambda _: bench.of("rms"), ANGLE)}
     shares = same_unit(PERCENT, "parts", "compliance", "measuring_chain", "empirical", "left")
     variables = {
@@ -307,7 +300,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> 
 @content.register
 def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     """What `diagnosis_json` holds but for files and version."""
-    signal, bench = SIGNALS[diagnosis.quantity], stated_bench(diagnosis)
+    quantity, signal, bench = diagnosis.quantity, unit_of(diagnosis.quantity), stated_bench(diagnosis)
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}
     sizes = same_unit(OWN, "declared", "value", "low", "high")
@@ -315,14 +308,14 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         **own,
         "variables": variables,
         "notes": list(diagnosis.notes),
-        **signal.of(diagnosis, "noise_rms"),
-        **{stage: signal.of(getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
+        **_measured(quantity, diagnosis, "noise_rms"),
+        **{stage: _measured(quantity, getattr(diagnosis, stage), *_RESIDUAL) for stage in _STAGES},
         "bench_uncertainty": bench_json(bench, whole=not diagnosis.shares),
         "added": added_json(diagnosis),
         "unexplained_orders": [
             {
-                **entry(one, order=NUMBER, low=signal.unit, high=signal.unit, frames=None),
-                **signal.of(one, "amplitude"),
+                **entry(one, order=NUMBER, low=signal, high=signal, frames=None),
+                **_measured(quantity, one, "amplitude"),
                 **order_json(bench, one.order),
             }
             for one in diagnosis.unexplained
@@ -341,18 +334,16 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "passport": passport_json(diagnosis.passport, bench=bench),
         "resonances": resonances_json(diagnosis.resonances),
-        "validation": validation_json(diagnosis.validation, signal),
-        "unit": signal.unit.shown,
-        "suffix": signal.suffix,
+        "validation": validation_json(diagnosis.validation, quantity),
+        "unit": signal.shown,
+        "suffix": _SUFFIXES[quantity],
     }
 
 
-def validation_json(found: Iterable[Any], signal: SignalUnit) -> list[dict[str, Any]]:
+def validation_json(found: Iterable[Any], quantity: str) -> list[dict[str, Any]]:
     """Entries of files that no fit saw."""
-    return [
-        {"file": one.file, "before": signal.of(one, rms="before"), "after": signal.of(one, rms="after")}
-        for one in found
-    ]
+    stages = ("before", "after")
+    return [{"file": one.file, **{stage: _measured(quantity, one, rms=stage) for stage in stages}} for one in found]
 
 
 def _cause(key: str, indices: Mapping[str, IndexValue]) -> dict[str, Any]:
@@ -368,7 +359,7 @@ def added_json(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "parameters": {one.name: entry(one, one.dimension, **sizes) for one in addition.estimates},
             "indistinguishable_from": [_cause(*cause) for cause in addition.indistinguishable],
             **entry(addition, orders=NUMBER, notes=None),
-            **SIGNALS[diagnosis.quantity].of(addition, "heldout_rms"),
+            **_measured(diagnosis.quantity, addition, "heldout_rms"),
         }
         for addition in diagnosis.added
     ]
@@ -386,12 +377,13 @@ def diagnosis_sheet(diagnosis: Diagnosis) -> Sheet:
 def _remarks(diagnosis: Diagnosis, bench: BenchUncertainty | None) -> dict[str, Sequence[str]]:
     """Sentences below the tables."""
     own = "A source of your own is one function and one entry of the catalogue: see docs/adding-an-effect.md."
+    unknown = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
     return {
         "stage": [_credit(diagnosis)],
         "unexplained": [own] if diagnosis.unexplained else [],
         "law": kinds_of_causes(diagnosis.passport) if _tells_loads(diagnosis) else [],
         "peak": [alone(diagnosis.resonances)],
-        "elastic": [_not_determined(diagnosis)],
+        "elastic": [f"These runs do not determine {unknown}."] if unknown else [],
         "bench": [] if bench is None else [of_figures(bench, whole=not diagnosis.shares)],
     }
 
@@ -409,7 +401,7 @@ def _is_cause(addition: Addition) -> bool:
 
 def _verdict(diagnosis: Diagnosis) -> tuple[str, str]:
     """The outcome in one or two sentences."""
-    unit, bench = SIGNALS[diagnosis.quantity].unit, stated_bench(diagnosis)
+    unit, bench = unit_of(diagnosis.quantity), stated_bench(diagnosis)
     before, after, noise = (
         brief(size / unit.size, 3)
         for size in (diagnosis.before.heldout_rms, diagnosis.after.heldout_rms, diagnosis.noise_rms)
@@ -487,9 +479,3 @@ def _steps(diagnosis: Diagnosis) -> Iterator[Sentence]:
     for at, (what, pairs) in enumerate(tells.items(), 1):
         told = f" This tells {'; '.join(pairs)}." if pairs else ""
         yield Sentence(f" {what}.{told}", strong=f"Measure next, {at}:")
-
-
-def _not_determined(diagnosis: Diagnosis) -> str:
-    """What the runs do not say of stiffness, backlash and contact law."""
-    rest = ", ".join(one.name for one in diagnosis.elastic if not one.determined)
-    return f"These runs do not determine {rest}." if rest else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import astuple
 from typing import Any
 
 from rverror.base.numbers import brief, count_of, rounded
@@ -36,7 +37,7 @@ def _trend_table(result: Trend) -> Table:
         **_changes(result.changed, HOURS if result.unit == "hour" else NUMBER),
         **rows(
             "change",
-            [(grown, _per_thousand(grown)) for _, grown in _each(result.changed)],
+            [(grown, Interval(*(1000 * end for end in astuple(grown.rate)))) for _, grown in _each(result.changed)],
             "",
             ("change_unit", "0.dimension"),
             **sized(per, OWN, "1"),
@@ -58,11 +59,6 @@ def _trend_table(result: Trend) -> Table:
         sentences=(*_rivals(result.changed), *remains),
         shown={"change": (*_SHOWN, per, f"{per}_interval"), "session": (), "": ()},
     )
-
-
-def _per_thousand(grown: Grown) -> Interval:
-    rate = grown.rate
-    return Interval(1000 * rate.value, 1000 * rate.low, 1000 * rate.high)
 
 
 @described.register

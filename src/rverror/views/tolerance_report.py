@@ -20,8 +20,7 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.loaded_yield import LimitYield, Verified
 from rverror.tolerances.sampling import Size, VirtualUnits
 from rverror.tolerances.sobol import SobolIndices
-from rverror.views.blocks import Sheet
-from rverror.views.describing import described, entries, interval_words, sheet, sheet_of
+from rverror.views.describing import described, entries, interval_words
 from rverror.views.fields import COUNT, OWN, Field, arrays, entry, rows, same_unit, sized
 from rverror.views.model_report import name_of
 from rverror.views.shown_units import ANGLE, NUMBER, PERCENT, POSITION, SPEED, SQUARE, Unit, unit_of
@@ -319,7 +318,7 @@ def _units_table(result: VirtualUnits) -> Table:
 
 
 @described.register
-def _error_budget_table(result: ErrorBudget, limit: Any | None = None) -> Table:
+def _error_budget_table(result: ErrorBudget, *, limit: Any | None = None) -> Table:
     """Table of a budget, with the yield at a limit of the peak-to-peak in its verdict."""
     closed, drawn, loaded = result.closed, result.units, result.at_load
     order = _order(closed)
@@ -357,7 +356,6 @@ def _error_budget_table(result: ErrorBudget, limit: Any | None = None) -> Table:
         sentences=tuple(sentences),
         shown={"tolerance": shown},
         rows="tolerance",
-        kind="ErrorBudget",
     )
 
 
@@ -407,11 +405,6 @@ def _verdict_at_load(found: Verified) -> str:
     what = "all limits together" if len(limited) > 1 else f"the limit of the {hardest.limit.label}"
     worst = f"; {100 * hardest.share:.4g} % meet the hardest, the {hardest.limit.label}" if len(limited) > 1 else ""
     return f"{share} % of the units meet {what} under load ({interval}){worst}."
-
-
-@sheet.register
-def _error_budget_sheet(thing: ErrorBudget, *, limit: Any | None = None) -> Sheet:
-    return sheet_of(_error_budget_table(thing, limit))
 
 
 @entries.register

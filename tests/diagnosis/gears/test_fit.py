@@ -20,7 +20,6 @@ from rverror.diagnosis.gears.fit import (
     RunSet,
     as_declared,
     bounds,
-    departures,
     evaluated,
     fitted,
     onto,
@@ -136,7 +135,7 @@ def test_every_change_of_the_prediction_is_that_of_differences(state: Fit) -> No
 def test_gradient_and_curvature_of_the_objective(state: Fit) -> None:
     """As the step takes them: of the squares over their scale, and of the priors about what was declared."""
     assert state.scale > 2  # beyond what noise makes: the logarithm counts
-    weights, off = state.weights[:-1], departures(state.model, state.declared, SOFT, 1)
+    weights, off = state.weights[:-1], state.departure
     for at, by in enumerate(steps(state)[:CURVED]):
         up, down, by = both_ways(state, at, by)
         slope = (up.objective - down.objective) / (2 * by)
@@ -302,7 +301,7 @@ def test_a_step_stays_within_bounds_and_the_others_make_the_best_of_it() -> None
     root = np.sqrt(fit.weights[free])
     white = np.concatenate([w[1:] for w in fit.rows], axis=1)[free]
     left = np.concatenate([w[0] for w in fit.rows])
-    off = departures(fit.model, declared, UNIT, 0)[free]
+    off = fit.departure[free]
     size = np.linalg.norm(np.concatenate([white, np.diag(root)], axis=1), axis=1)
     other = lsq_linear(
         (np.concatenate([white, np.diag(root)], axis=1) / size[:, None]).T,

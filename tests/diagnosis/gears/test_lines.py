@@ -13,7 +13,7 @@ from gear_runs import TURN, UNIT, begin, red
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import Fit, evaluated, with_estimated_noise
-from rverror.diagnosis.gears.spectrum import best_lines, explained, leading, power_of
+from rverror.diagnosis.gears.spectrum import best_lines, explained, leading, line_at
 from rverror.diagnosis.policy import POLICY
 
 MODEL = rverror.Model(UNIT)
@@ -102,7 +102,7 @@ def test_runs_in_which_a_line_stands_alike_tell_it_together() -> None:
     theta = TURN / N * np.arange(N)
     wave = 0.4 * ARCSEC * np.cos(23.37 * theta)
     alone, four = left(wave, runs=1), left(wave, runs=4)
-    power = [power_of(f.run_set.records, f.residual, 23.37)[0] for f in (alone, four)]
+    power = [line_at(f.run_set.records, f.residual, 23.37).power for f in (alone, four)]
     assert power[1] / power[0] == pytest.approx(4, rel=0.5)
 
 
@@ -114,7 +114,7 @@ def test_power_is_what_a_line_takes_off_the_squares() -> None:
     power, (sizes,) = explained([record], [rest], [rows])
     before, after = (float(np.sum(record.whiten(r[None]) ** 2)) for r in (rest, rest - sizes @ rows))
     assert power == pytest.approx(before - after)
-    assert power == pytest.approx(power_of([record], [rest], 30.0)[0])
+    assert power == pytest.approx(line_at([record], [rest], 30.0).power)
     assert math.hypot(*sizes) == pytest.approx(ARCSEC, rel=0.1)
 
 

@@ -303,6 +303,10 @@ def test_a_torque_record_is_told_by_its_lines_and_adds_nothing_to_the_model() ->
     (line,) = found.unexplained
     assert line.order == 33
     assert line.low < 0.4e3 < line.high
+    assert line.low < line.amplitude < line.high
+    (trace,) = found.traces
+    for row in (trace.measured, trace.residual[0]):
+        assert np.std(row) == pytest.approx(1e3 * math.sqrt((1.3**2 + 0.7**2 + 0.4**2) / 2), rel=0.1)
     with pytest.raises(rverror.InputError, match="torque records"):
         diagnose_drive(DRIVE, [torque_record(0), record(*turns(), red(0, 2048, 0.5))])
 

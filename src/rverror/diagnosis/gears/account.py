@@ -14,7 +14,7 @@ from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, ont
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, power_of
+from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, line_at
 from rverror.diagnosis.gears.waveform import SOFT_BOUNDS, soft_values
 from rverror.diagnosis.result import Addition, Candidate, Diagnosis, ElasticEstimate, Estimate, Line, Residual, Trace
 from rverror.geartrain.kinematics import fundamental_orders, samples_needed
@@ -56,14 +56,13 @@ def account(
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
-        bare = best.fit.run_set.with_records(_plain(best.fit.run_set.records))
-        best = search.score.of(fitted(onto(bare, root.fit)))
+        best = search.score.of(fitted(onto(best.fit.run_set.bare, root.fit)))
         left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         notes += fit.run_set.slow_notes(record, rest) if record.slow else []
-    plain = fit.run_set.with_records(_plain(fit.run_set.records))
+    plain = fit.run_set.bare
     as_printed = evaluated(plain, replace(as_declared(fit).model, effects=printed(model, fit)), fit.declared)
     refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
@@ -74,16 +73,15 @@ def account(
     added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
         search.journal.note("added", (one.effect.key, one.effect.indices), "significant, and nothing more is left")
-    origin = [a.effect for a in added]
-    settled = "explained" if added else "nothing_missing"
     unclear = not done and not lines and not added
     if unclear:
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
-    result = replace(fit.model, effects=(*fit.model.effects[: len(fit.declared.effects)], *origin))
+    kept = fit.model.effects[: len(fit.declared.effects)]
+    result = replace(fit.model, effects=(*kept, *(one.effect for one in added)))
     if len(model.effects) > len(declared.effects):
         notes.append(offset_note(fit, declared, halves))
     return Diagnosis(
-        verdict="unexplained" if lines or unclear else settled,
+        verdict="unexplained" if lines or unclear else "explained" if added else "nothing_missing",
         noise_rms=noise_rms(fit),
         before=residual(as_printed, hold=True),
         before_refitted=residual(refitted),
@@ -96,13 +94,9 @@ def account(
         tried=len(search.candidates),
         traces=tuple(_traces(runs, as_printed, after)),
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
-        history=search.journal.history,
+        history=tuple(search.journal.fates),
         elastic=elastic_within(fit, halves),
     )
-
-
-def _plain(records: Sequence[Record]) -> list[Record]:
-    return [replace(r, orders=(), slow=False) for r in records]
 
 
 def printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
@@ -117,12 +111,12 @@ def noise_rms(fit: Fit) -> float:
     """Root mean square of the noise: of the residual where nothing else is left, else of its model."""
     total, count = 0.0, 0.0
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
-        assert record.noise is not None
+        noise = record.whiten.noise
         clean = record.without_nuisance(rest)[record.kept]
         used = max(clean.size - len(record.nuisance) - 1, 1)
         size = float(clean @ clean) / used
-        wanders = record.noise.step**2 * clean.size / 6  # variance of a random walk about its mean
-        total += min(size, 1.1 * record.noise.rms**2 + wanders) * used
+        wanders = noise.step**2 * clean.size / 6  # variance of a random walk about its mean
+        total += min(size, 1.1 * noise.rms**2 + wanders) * used
         count += used
     return math.sqrt(total / count)
 
@@ -179,8 +173,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
             if fold > label.max():
                 continue
             others = ~out & record.kept
-            fast = replace(record, slow=False, slips=()).nuisance
-            rows = fast if not record.zero else np.concatenate([np.ones((1, rest.size)), fast])
+            rows = replace(record, zero="", slow=False, slips=()).nuisance
             alive = np.abs(rows[:, others]).max(axis=1, initial=0) > 0
             sizes = np.linalg.lstsq(rows[alive][:, others].T, rest[others], rcond=1e-10)[0]
             result[number][out] = (rest - sizes @ rows[alive])[out]
@@ -221,12 +214,9 @@ def _values(fit: Fit) -> Array:
 
 
 def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[float], held: float) -> Addition:
-    fit = node.fit
-    at = len(fit.declared.effects) + number
-    effect = fit.model.effects[at]
-    first = sum(len(e.values) for e in fit.model.effects[:at])
+    fit, effect = node.fit, node.fit.added[number]
     made = "the prior says" if fit.run_set.prior.covered else "a workshop makes"
-    own, prior = halves[first : first + len(effect.values)], fit.run_set.deviation(effect.key, effect.indices)
+    own, prior = halves[fit.places(number)], fit.run_set.deviation(effect.key, effect.indices)
     estimates, notes = estimated(effect, own)
     for one, half, usual in zip(estimates, own, prior, strict=True):
         if half > fit.run_set.half_width(usual**2 / 2):
@@ -234,7 +224,7 @@ def _addition(search: Search, node: Hypothesis, number: int, halves: Sequence[fl
     search.journal.tell(f"looking for what fits as well as {describe(effect.key, effect.indices)}")
     alike = search.as_good(node, number)
     origin = "found by rverror diagnose in " + ", ".join(r.name for r in fit.run_set.records)
-    return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, at), held, tuple(notes))
+    return Addition(replace(effect, origin=origin), estimates, alike, _orders(fit, number), held, tuple(notes))
 
 
 def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, ...], list[str]]:
@@ -248,13 +238,13 @@ def estimated(effect: Effect, halves: Sequence[float]) -> tuple[tuple[Estimate, 
     return tuple(estimates), notes
 
 
-def _orders(fit: Fit, at: int) -> tuple[float, ...]:
-    """Orders at which an effect changes the prediction, the strongest first; over less than a turn its source's own."""
-    effects, record = fit.model.effects, fit.run_set.records[0]
+def _orders(fit: Fit, number: int) -> tuple[float, ...]:
+    """Orders at which an added effect changes the prediction, the strongest first; over less than a turn its source's
+    own."""
+    effect, record = fit.added[number], fit.run_set.records[0]
     if fit.run_set.linear or record.turns < 0.99:
-        found = source(effects[at].key).orders(fit.run_set.unit, effects[at].indices)
-        return tuple(abs(order) for order in found)
-    without = evaluated(fit.run_set, replace(fit.model, effects=effects[:at] + effects[at + 1 :]), fit.declared)
+        return tuple(map(abs, source(effect.key).orders(fit.run_set.unit, effect.indices)))
+    without = evaluated(fit.run_set, fit.model_with(instead_of=number), fit.declared)
     theta, change = even_travel(record.theta, without.residual[0] - fit.residual[0])
     size = np.pad(amplitude(harmonics(change), change.size), 1)
     orders = np.arange(1, size.size - 1) / round(theta.size * (theta[1] - theta[0]) / _TURN)
@@ -266,11 +256,10 @@ def line_estimates(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.run_set.policy
     rests = fit.residual
-    found: list[LineFound] = list(left)
+    found = list(left)
     for order in free:
         bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.run_set.records]
-        power, waves = power_of(bare, rests, order)
-        found.append(LineFound(order, power, tuple(waves)))
+        found.append(line_at(bare, rests, order))
     turns = max(r.turns for r in fit.run_set.records)
     result = []
     for line in found:

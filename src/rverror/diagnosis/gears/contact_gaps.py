@@ -16,7 +16,7 @@ from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
-from rverror.statics.energy import Errors, Geometry, error_closing
+from rverror.statics.energy import Geometry, error_closing
 
 _ANGLES, _GOLDEN = 16, 0.6180339887  # irregular against every order
 _ROUNDING = 1e-6  # share of the gaps, in the root of their squares, that is none
@@ -78,7 +78,8 @@ class ContactGaps:
         units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
         if isinstance(self._contacts.closings(units[0]), (Clearance, Compliance)):
             return None
-        return np.array([_flat(error_closing(self._contacts, (unit,))) for unit in units])
+        closings = [error_closing(self._contacts, (unit,)) for unit in units]
+        return np.array([np.concatenate([errors.pin.ravel(), errors.row.ravel()]) for errors in closings])
 
     @cached_property
     def _contacts(self) -> Geometry:
@@ -91,7 +92,3 @@ def _apart(rows: Array, others: Array) -> float:
     """Share of rows that no combination of others makes."""
     sizes = np.linalg.lstsq(others.T, rows.T, rcond=1e-9)[0]
     return float(np.linalg.norm(rows - sizes.T @ others) / max(float(np.linalg.norm(rows)), 1e-300))
-
-
-def _flat(errors: Errors) -> Array:
-    return np.concatenate([errors.pin.ravel(), errors.row.ravel()])

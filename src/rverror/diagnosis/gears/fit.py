@@ -109,6 +109,11 @@ class RunSet:
         """The same with other noise, lines or samples set aside."""
         return replace(self, records=tuple(records))
 
+    @property
+    def bare(self) -> RunSet:
+        """The same without free lines, and with nothing that drifts."""
+        return self.with_records([replace(r, orders=(), slow=False) for r in self.records])
+
     def slow_notes(self, record: Record, rest: Array) -> list[str]:
         """What the residual of a record that settles does so by, in words."""
         slow = replace(record, slips=()).slow_part(rest)
@@ -134,9 +139,9 @@ class RunSet:
     def coarse(self) -> RunSet:
         """The same on fewer angles and through means of samples: near enough to choose what is fitted to all.
 
-        What is a table's is few already.
+        What is a table's is few already, and of what is linear a step is the fit.
         """
-        if not self.sampled:
+        if not self.sampled or self.linear:
             return self
         # of a short run no fewer, or a fit to them has more sizes than they are
         together = [max(int(r.theta.size / max(r.turns, 1.0)) // _MEANS, 1) for r in self.records]
@@ -175,8 +180,21 @@ class RunSet:
 
     @property
     def settles(self) -> bool:
-        """Whether all runs are long enough to tell drift and settling from an encoder's error."""
-        return self.sampled and all(r.turns > self.policy.least_cycles for r in self.records)
+        """Whether all runs are long enough to tell drift and settling from an encoder's error, as a drive's bow is."""
+        return self.linear or (self.sampled and all(r.turns > self.policy.least_cycles for r in self.records))
+
+    def noise_in(self, record: Record, rest: Array, fitted: float, *, calm: bool = False) -> RunNoise:
+        """Noise of what so many sizes leave of a run, `calm` where nothing else is left."""
+        return noise_of(
+            rest,
+            record.kept,
+            fitted,
+            floor=self.policy.model_error,
+            calm=calm,
+            by_criterion=self.linear,
+            parts=record.sides,
+            white=self.within_a_wave(record),
+        )
 
     def within_a_wave(self, record: Record) -> bool:
         """Tell whether a run holds less than half a turn of the crank: its wave is then a bow, as noise with memory
@@ -198,8 +216,8 @@ class RunSet:
         return tuple(e for e in felt(model.effects) if not self.apart(e.key))
 
     def apart(self, key: str) -> bool:
-        """Whether a source is added by its influence: a sun's, where it does not repeat with the turns."""
-        far = self.gears.exact_ratio.denominator > 1
+        """Whether a source is added by its influence: to samples a sun's, where it does not repeat with the turns."""
+        far = self.sampled and not self.linear and self.gears.exact_ratio.denominator > 1
         return far and source(key).frame == "sun" and not source(key).at_output
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
@@ -290,6 +308,21 @@ class Fit:
         """Effects beside the declared ones."""
         return self.model.effects[len(self.declared.effects) :]
 
+    def model_with(self, *others: Effect, instead_of: int) -> Model:
+        """The model with some effects, or none, in the place of an added one."""
+        effects, at = self.model.effects, len(self.declared.effects) + instead_of
+        return replace(self.model, effects=(*effects[:at], *others, *effects[at + 1 :]))
+
+    def places(self, number: int) -> slice:
+        """Where the values of an added effect stand among all values."""
+        first = sum(len(e.values) for e in self.model.effects[: len(self.declared.effects) + number])
+        return slice(first, first + len(self.added[number].values))
+
+    @property
+    def added_linearly(self) -> list[list[Array]]:
+        """What each added effect makes of each record, (width,), as far as it is linear."""
+        return [[np.array(e.values) @ raw[self.places(n)] for raw in self.raw] for n, e in enumerate(self.added)]
+
     @cached_property
     def added_parts(self) -> list[Array]:
         """What the added effects make of each record through the gear train, (width,): the reading less that without.
@@ -338,7 +371,10 @@ class Fit:
     @cached_property
     def weights(self) -> Array:
         """Inverse variance of each value's prior, 0 where there is none, infinite where it is fixed."""
-        return prior_weights(self)
+        sigmas = [e.uncertainty or 0.0 for e in self.declared.effects for _ in e.values]
+        sigmas += [sigma for e in self.added for sigma in self.run_set.deviation(e.key, e.indices)]
+        sigmas += self.run_set.soft_sigmas
+        return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(self.run_set.zeros))
 
     @cached_property
     def free(self) -> Flags:
@@ -353,7 +389,10 @@ class Fit:
     @cached_property
     def departure(self) -> Array:
         """How far each value is from the middle of its prior."""
-        return departures(self.model, self.declared, self.run_set.unit, len(self.run_set.zeros))
+        sizes, middle = ([v for e in model.effects for v in e.values] for model in (self.model, self.declared))
+        middle += [0.0] * (len(sizes) - len(middle))  # of what was added
+        soft = soft_values(self.model.mechanism) - soft_values(self.run_set.unit)
+        return np.concatenate([np.subtract(sizes, middle), soft, np.zeros(len(self.run_set.zeros))])
 
     @cached_property
     def prior(self) -> float:
@@ -368,7 +407,14 @@ class Fit:
     @cached_property
     def covariance(self) -> Array:
         """Covariance of all values, shape (k, k): 0 where fixed; every other value has a prior, or is a shared zero."""
-        return covariance_of(self.gram / self.scale, self.weights)
+        gram, free = self.gram / self.scale, self.free
+        result = np.zeros_like(gram)
+        if free.any():
+            whole = gram[np.ix_(free, free)] + np.diag(self.weights[free])
+            scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+            inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
+            result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
+        return result
 
 
 def as_compared(objective: float) -> float:
@@ -386,20 +432,6 @@ def scale_of(data: float, bound: float, policy: Policy) -> float:
     return max(1.0, 1 + (data - bound) / policy.regular)
 
 
-def layout(model: Model, zeros: int) -> tuple[int, int]:
-    """Number of effect values, and of all values."""
-    count = sum(len(e.values) for e in model.effects)
-    return count, count + len(SOFTENING) + zeros
-
-
-def prior_weights(fit: Fit) -> Array:
-    """Inverse variances of priors."""
-    sigmas = [e.uncertainty or 0.0 for e in fit.declared.effects for _ in e.values]
-    sigmas += [sigma for e in fit.added for sigma in fit.run_set.deviation(e.key, e.indices)]
-    sigmas += fit.run_set.soft_sigmas
-    return np.array([1 / sigma**2 if sigma else math.inf for sigma in sigmas] + [0.0] * len(fit.run_set.zeros))
-
-
 def _gears(unit: Mechanism) -> Reducer:
     """The reducer whose contacts give way."""
     assert isinstance(unit, Reducer)
@@ -412,34 +444,14 @@ def soft_spread(unit: Reducer) -> list[float]:
     return [*stiffness, BACKLASH_SPREAD * unit.gear_backlash, *LAW_SPREAD.values()]
 
 
-def covariance_of(gram: Array, weights: Array) -> Array:
-    """Covariance under priors; 0 where fixed."""
-    free = np.isfinite(weights)
-    result = np.zeros_like(gram)
-    if free.any():
-        whole = gram[np.ix_(free, free)] + np.diag(weights[free])
-        scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-        inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
-    return result
-
-
-def departures(fit_model: Model, declared: Model, unit: Mechanism, zeros: int) -> Array:
-    """How far each value is from the middle of its prior."""
-    found: list[float] = []
-    for i, effect in enumerate(fit_model.effects):
-        middle = declared.effects[i].values if i < len(declared.effects) else (0.0,) * len(effect.values)
-        found += [v - m for v, m in zip(effect.values, middle, strict=True)]
-    return np.array([*found, *(soft_values(fit_model.mechanism) - soft_values(unit)), *[0.0] * zeros])
-
-
 def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Waveform] | None = None) -> Fit:
     """A fit's state at given sizes: prediction, residual, changes."""
     waves = run_set.solve(model, near)
     offset = model.index_offset
-    count, size = layout(model, len(run_set.zeros))
     solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not run_set.apart(e.key)]
     ends = np.cumsum([0, *(len(e.values) for e in model.effects)])
+    count = int(ends[-1])
+    size = count + len(SOFTENING) + len(run_set.zeros)
     others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
     apart = [e for _, e in others if run_set.apart(e.key)]
     forces = [c.forces(w) if apart else (None, None) for c, w in zip(run_set.conditions, waves, strict=True)]
@@ -463,7 +475,7 @@ def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Wav
             predicted = predicted + np.array(effect.values) @ rows[own]
         for k, label in enumerate(run_set.zeros):
             if run_set.records[number].zero == label:
-                rows[count + len(SOFTENING) + k] = observation.constant
+                rows[count + len(SOFTENING) + k] = 1.0
         rest = observation.measured - predicted
         white = _whitened(observation, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
@@ -626,23 +638,9 @@ def with_estimated_noise(fit: Fit, *, calm: bool = False) -> Fit:
     """The same sizes under the noise that their residual shows, `calm` where nothing else is left."""
     records, rests = fit.run_set.records, _left_as_noise(fit)
     total, used = float(sum(r.kept.sum() for r in records)), float(fit.free.sum())
-    floor = fit.run_set.policy.model_error
     shares = [used * float(r.kept.sum()) / total + len(r.nuisance) for r in records]
     three = zip(records, rests, shares, strict=True)
-    noises = [
-        noise_of(
-            rest,
-            r.kept,
-            share,
-            floor=floor,
-            calm=calm,
-            by_criterion=fit.run_set.linear,
-            parts=r.sides,
-            white=fit.run_set.within_a_wave(r),
-        )
-        for r, rest, share in three
-    ]
-    return _with_noises(fit, noises)
+    return _with_noises(fit, [fit.run_set.noise_in(*one, calm=calm) for one in three])
 
 
 def with_walk(fit: Fit, like: Fit) -> Fit:
@@ -668,20 +666,7 @@ def _left_as_noise(fit: Fit) -> list[Array]:
 
 def first_state(run_set: RunSet, model: Model, declared: Model) -> Fit:
     """The first state: noise of what the model leaves as it stands."""
-    flat = [
-        replace(
-            r,
-            noise=noise_of(
-                r.told_as_noise(r.error),
-                r.kept,
-                len(r.nuisance),
-                floor=run_set.policy.model_error,
-                parts=r.sides,
-                white=run_set.within_a_wave(r),
-            ),
-        )
-        for r in run_set.records
-    ]
+    flat = [replace(r, noise=run_set.noise_in(r, r.told_as_noise(r.error), len(r.nuisance))) for r in run_set.records]
     return with_estimated_noise(evaluated(run_set.with_records(flat), model, declared))
 
 
@@ -709,13 +694,11 @@ def as_declared(fit: Fit) -> Fit:
 
 def without_effect(fit: Fit, number: int) -> Fit:
     """The state without one of the added effects' part, the contacts as they are with it."""
-    effects, at = fit.model.effects, len(fit.declared.effects) + number
-    first = sum(len(e.values) for e in effects[:at])
-    own = np.arange(first, first + len(effects[at].values))
-    values, kept = np.array(effects[at].values), np.delete(np.arange(fit.moment.size), own)
+    own = np.arange(fit.moment.size)[fit.places(number)]
+    values, kept = np.array(fit.added[number].values), np.delete(np.arange(fit.moment.size), own)
     rows = [np.concatenate([(white[0] + values @ white[1 + own])[None], white[1 + kept]]) for white in fit.rows]
     return replace(
-        fit, model=replace(fit.model, effects=effects[:at] + effects[at + 1 :]), rows=tuple(rows),
+        fit, model=fit.model_with(instead_of=number), rows=tuple(rows),
         residual=tuple(rest + values @ raw[own] for rest, raw in zip(fit.residual, fit.raw, strict=True)),
         raw=tuple(raw[kept] for raw in fit.raw), data=sum(float(white[0] @ white[0]) for white in rows),
         gram=fit.gram[np.ix_(kept, kept)], moment=(fit.moment + fit.gram[:, own] @ values)[kept],

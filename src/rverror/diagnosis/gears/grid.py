@@ -86,18 +86,11 @@ def _basis(part: Array, *, derivative: bool = False) -> Array:
     here = np.ones((1, part.size))
     for degree in range(1, _DEGREE + 1 - derivative):
         at = part + np.arange(degree + 1)[:, None]  # from where the spline of each node begins
-        here = (at * _above(here) + (degree + 1 - at) * _below(here)) / degree
+        beside = np.pad(here, ((1, 1), (0, 0)))
+        here = (at * beside[1:] + (degree + 1 - at) * beside[:-1]) / degree
     if derivative:
-        here = _above(here) - _below(here)
+        here = np.diff(np.pad(here, ((1, 1), (0, 0))), axis=0)
     return np.ascontiguousarray(here[::-1].T)
-
-
-def _above(rows: Array) -> Array:
-    return np.concatenate([rows, np.zeros((1, rows.shape[1]))])
-
-
-def _below(rows: Array) -> Array:
-    return np.concatenate([np.zeros((1, rows.shape[1])), rows])
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,8 +83,7 @@ def _squares(record: Record, fit: Fit, number: int, basis: Array) -> float:
 def _moved(before: Fit, after: Fit, number: int) -> Flags:
     """Samples of a run over which a jump moved from one fit to another."""
     record, which = before.run_set.records[number], before.run_set.which[number]
-    assert record.noise is not None
-    least = _BY_NOISE * record.noise.rms
+    least = _BY_NOISE * record.whiten.noise.rms
     differ = np.abs(record.without_nuisance(after.residual[number] - before.residual[number])) > least
     beside = np.zeros_like(differ)
     for fit in (before, after):

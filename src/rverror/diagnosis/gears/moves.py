@@ -262,9 +262,9 @@ class Moves:
     def other_marks(self, one: Hypothesis) -> Iterator[Trial]:
         """A set with the marks elsewhere, where they are not known, and one of its causes in an equivalent place."""
         fit = one.coarse
-        first, free = len(fit.declared.effects), {identity(name) for name in self.free(fit)}
+        free = {identity(name) for name in self.free(fit)}
         models = [fit.model] + [
-            replace(fit.model, effects=(*fit.model.effects[: first + at], other, *fit.added[at + 1 :]))
+            fit.model_with(other, instead_of=at)
             for at, effect in enumerate(fit.added)
             for other in equivalents(effect, fit.run_set.unit)
             if named(other) in free
@@ -337,8 +337,7 @@ class Moves:
         """
         fit = one.coarse
         for number, effect in enumerate(fit.added):
-            at = len(fit.declared.effects) + number
-            rest = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
+            rest = fit.model_with(instead_of=number)
             for start in self._single_places(fit):
                 if source(start.key).frame == source(effect.key).frame:
                     yield Trial(rest.with_effects(start), one.score, one.without_rows)

@@ -8,7 +8,7 @@ the whitening.  With W [B, X, y] = Q R, X what is no waveform of the gear train 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
@@ -43,15 +43,12 @@ class Observation(Protocol):
     def measured(self) -> Array:
         """The error."""
 
-    @property
-    def constant(self) -> Array:
-        """An offset of one."""
+    def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
+        """Rows on a grid."""
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
         """Rows on the grid of a waveform."""
-
-    def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
-        """Rows on a grid."""
+        return self.of_grid(wave.grid, rows, offset)
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
@@ -67,8 +64,18 @@ class Observation(Protocol):
         """Independent values."""
 
 
+def _once(kept: dict[object, Any], key: object, make: Callable[[], T]) -> T:
+    """What is made for a key, once; another thread may clear what is kept at any time."""
+    found: T | None = kept.get(key)
+    if found is None:
+        if len(kept) > _KEPT:
+            kept.clear()
+        found = kept[key] = make()
+    return found
+
+
 @dataclass(frozen=True, eq=False)
-class EverySample:
+class EverySample(Observation):
     """A run sample by sample."""
 
     record: Record
@@ -83,18 +90,9 @@ class EverySample:
         """The error."""
         return self.record.error
 
-    @property
-    def constant(self) -> Array:
-        """An offset of one."""
-        return np.ones(self.width)
-
     def readout(self, grid: AngleGrid, offset: float) -> Readout:
         """The way from a grid to the samples."""
-        return self._once((grid, offset), lambda: grid.to_samples(self.record.theta + offset))
-
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Rows on the grid of a waveform, at the samples."""
-        return self.readout(wave.grid, offset)(rows)
+        return _once(self.record.made, (grid, offset), lambda: grid.to_samples(self.record.theta + offset))
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, at the samples."""
@@ -125,26 +123,21 @@ class EverySample:
     def _motion(self, unit: Mechanism, offset: float) -> Pose:
         """Motion at the samples, made once: stiffness plays no part in it."""
         turned = replace(self.record, theta=self.record.theta + offset)
-        return self._once(offset, lambda: turned.pose(unit))
+        return _once(self.record.made, offset, lambda: turned.pose(unit))
 
-    def _once(self, key: object, make: Callable[[], T]) -> T:
-        """What the angles of the samples give, made once."""
-        kept = self.record.made
-        found: T | None = kept.get(key)
-        if found is None:
-            if len(kept) > _KEPT:
-                kept.clear()
-            found = kept[key] = make()
-        return found
+    @property
+    def whitening(self) -> Whitening:
+        """Whitening under the noise."""
+        return self.record.whiten
 
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""
-        return self.record.whiten(rows)
+        return self.whitening(rows)
 
     @property
     def freedom(self) -> int:
         """Independent values."""
-        return self.record.whiten.freedom
+        return self.whitening.freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +153,7 @@ class MeanSamples(EverySample):
     """
 
     together: int
+    _ways: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def _labels(self) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], tuple[int, ...]]:
@@ -199,25 +193,10 @@ class MeanSamples(EverySample):
         """The error."""
         return np.asarray(self.averaged(self.record.error[None])[0])
 
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Rows on the grid of a waveform, as means."""
-        return self.of_grid(wave.grid, rows, offset)
-
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Rows on a grid, as means."""
-        return self._way(grid, offset)(rows)
-
-    def _way(self, grid: AngleGrid, offset: float) -> Callable[[Array], Array]:
-        found = self._ways.get((grid, offset))
-        if found is None:  # another thread may clear what is kept at any time
-            if len(self._ways) > _KEPT:
-                self._ways.clear()
-            found = self._ways[grid, offset] = self.readout(grid, offset).averaged(self.means)
-        return found
-
-    @cached_property
-    def _ways(self) -> dict[tuple[AngleGrid, float], Callable[[Array], Array]]:
-        return {}
+        way = _once(self._ways, (grid, offset), lambda: self.readout(grid, offset).averaged(self.means))
+        return way(rows)
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
@@ -231,16 +210,6 @@ class MeanSamples(EverySample):
     def whitening(self) -> Whitening:
         """Whitening under the noise of means."""
         record = self.record
-        assert record.noise is not None
         doubtful = None if record.doubtful is None else self.averaged(record.doubtful)
-        noise, nuisance = averaged(record.noise, self.together), self.averaged(record.nuisance)
+        noise, nuisance = averaged(record.whiten.noise, self.together), self.averaged(record.nuisance)
         return Whitening(noise, self._kept, self._labels[1], nuisance, doubtful)
-
-    def whiten(self, rows: Array) -> Array:
-        """Rows under the noise."""
-        return self.whitening(rows)
-
-    @property
-    def freedom(self) -> int:
-        """Independent values."""
-        return self.whitening.freedom

@@ -67,8 +67,6 @@ class Record:
     slow : bool
         Whether it drifts or settles by itself.
     noise : RunNoise, optional
-    faults : Faults, optional
-        What was found before any cause was looked for.
     absent : tuple of int
         Places of short gaps, where nothing was read.
     more : tuple of str
@@ -94,7 +92,6 @@ class Record:
     orders: tuple[float, ...] = ()
     slow: bool = False
     noise: RunNoise | None = None
-    faults: Faults | None = None
     absent: tuple[int, ...] = ()
     more: tuple[str, ...] = ()
     sides: tuple[slice, ...] = ()
@@ -296,7 +293,7 @@ def _with_faults(record: Record, faults: Faults) -> Record:
         kept=np.insert(faults.kept, at, False)[chosen], absent=tuple(np.flatnonzero(absent[chosen]).tolist()),
         starts=tuple(sorted({0, *(int(place[one]) for one in breaks)} - {int(chosen.sum())})),
         slips=tuple(int(place[slip.index]) for slip in faults.slips),
-        time=None if record.time is None else even(record.time), faults=faults, made={},
+        time=None if record.time is None else even(record.time), made={},
     )  # fmt: skip
 
 
@@ -309,15 +306,9 @@ def conditions_of(records: Sequence[Record], points: int, *, anywhere: bool) -> 
         grid: AngleGrid = whole(float(records[0].theta.min()), _TURN, points)
     else:
         grid = stretch(low, high, step)
-    found: list[LoadCase] = []
-    which = []
-    for record in records:
-        # without friction the pose knows a signed torque alone, not the motion
-        key = (1.0 if isinstance(record.torque, TorqueWaves) else record.senses[0], record.torque)
-        at = next((i for i, c in enumerate(found) if (c.direction, c.torque) == key), None)
-        if at is None:
-            breaks = record.torque.crossings() if isinstance(record.torque, TorqueWaves) else ()
-            found.append(LoadCase(*key, replace(grid, breaks=breaks)))
-            at = len(found) - 1
-        which.append(at)
-    return found, which
+    # without friction the pose knows a signed torque alone, not the motion
+    keys = [(1.0 if isinstance(r.torque, TorqueWaves) else r.senses[0], r.torque) for r in records]
+    distinct = [key for at, key in enumerate(keys) if key not in keys[:at]]
+    breaks = [torque.crossings() if isinstance(torque, TorqueWaves) else () for _, torque in distinct]
+    found = [LoadCase(*key, replace(grid, breaks=own)) for key, own in zip(distinct, breaks, strict=True)]
+    return found, [distinct.index(key) for key in keys]

@@ -43,7 +43,7 @@ from rverror.model.catalogue import CATALOGUE, source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderTable
-from rverror.statics.loaded_state import NotConvergedError
+from rverror.statics.loaded_state import each_solved
 
 NoiseRule = Callable[[Search, Hypothesis, Fit], Fit]
 
@@ -86,7 +86,7 @@ def diagnose_reducer(
     tell("predicting the declared model")
     run_set = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
     first = first_state(run_set, model, model)
-    candidates = candidates_of(model, records, policy)
+    candidates = offered(model, records, policy.tries)
     notes += run_set.prior.notes(candidates)
     first, offsets = placed(first) if anywhere else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
@@ -139,8 +139,7 @@ def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> 
             latest = with_own_noise(search, best, seen, [] if changed else search.parts(best))
         else:
             latest = with_estimated_noise(seen)
-        bare = [replace(r, orders=(), slow=False) for r in latest.run_set.records]
-        root = fitted(onto(latest.run_set.with_records(bare), search.root.fit))
+        root = fitted(onto(latest.run_set.bare, search.root.fit))
         search = search.anew(root)
         before = best.names
         best, done = search.best(search.score.of(fitted(latest), best.lines, best.slow))
@@ -256,31 +255,21 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     sizes = [source(e.key).acts != "marks" for e in fit.model.effects for _ in e.values]
     others[: len(sizes)] = sizes
 
-    def at(angle: float) -> Fit | None:
+    def at(angle: float) -> Fit:
         offset = fit.model.index_offset + angle
-        try:
-            there = evaluated(fit.run_set.anchored(offset), marked(fit.model, offset), fit.declared)
-            return fitted(fitted(there, free=others), steps=30)
-        except NotConvergedError:
-            return None
+        there = evaluated(fit.run_set.anchored(offset), marked(fit.model, offset), fit.declared)
+        return fitted(fitted(there, free=others), steps=30)
 
-    found = each(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1)])
-    fits = [other for other in found if other] or [fit]
+    fits = each_solved(at, [step * ripple for step in range(-_RIPPLES, _RIPPLES + 1)]) or [fit]
     best = min(fits, key=lambda other: as_compared(other.objective))
     near = -2 * math.log(policy.alike)
     alike = [other for other in fits if other is not best and other.objective - best.objective < near]
     return search.score.of(best, one.lines, one.slow), alike
 
 
-def candidates_of(model: Model, records: Sequence[Record], policy: Policy) -> tuple[Named, ...]:
-    """Sources of the catalogue that the runs can show and the model does not have."""
-    return offered(model, records, policy.tries)
-
-
 def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:
     """Sources that are wanted, that the runs can show and the model does not have, with all their indices."""
     unit = model.mechanism
-    assert isinstance(unit, Reducer)
     taken = [(e.key, dict(e.indices)) for e in model.effects]
     return tuple(
         (key, indices)

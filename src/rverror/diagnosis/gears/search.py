@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
 from rverror.model.effects import Model
-from rverror.statics.loaded_state import NotConvergedError
+from rverror.statics.loaded_state import each_solved
 
 _TOGETHER = 8  # trials of each number of causes that are raced
 _TO_THE_END = 3  # trials of a race
@@ -295,11 +295,9 @@ class Search:
 
     def _without(self, one: Hypothesis, number: int) -> Hypothesis:
         """The set without one cause; a few steps tell where not even a linear one promises enough."""
-        effects, at = one.fit.model.effects, len(one.fit.declared.effects) + number
-        if one.names == {named(effects[at])}:
+        if one.names == {named(one.fit.added[number])}:
             return self.root
-        model = replace(one.fit.model, effects=effects[:at] + effects[at + 1 :])
-        base = one.coarse
+        model, base = one.fit.model_with(instead_of=number), one.coarse
         few = fitted(evaluated(base.run_set, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
         fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
@@ -460,21 +458,17 @@ class Search:
         Where all that shows of a cause is quadratic, as of a carrier whose discs balance, other errors tell its sign.
         """
         coarse, most = one.coarse, one.fit.objective - 2 * math.log(self.policy.alike)
-        first, trials = len(coarse.declared.effects), []
-        for at, effect in enumerate(coarse.added):
-            trials += [
-                replace(coarse.model, effects=(*coarse.model.effects[: first + at], other, *coarse.added[at + 1 :]))
-                for other in equivalents(effect, coarse.run_set.unit)
-                if named(other) == named(effect)
-            ]
+        trials = [
+            coarse.model_with(other, instead_of=at)
+            for at, effect in enumerate(coarse.added)
+            for other in equivalents(effect, coarse.run_set.unit)
+            if named(other) == named(effect)
+        ]
 
         def fit_of(model: Model) -> Fit | None:
-            try:
-                fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
-            except NotConvergedError:
-                return None
+            fit = fitted(evaluated(coarse.run_set, model, coarse.declared, coarse.waves), steps=12, enough=0.5)
             return fitted(onto(one.fit.run_set, fit), steps=30) if fit.objective < coarse.objective + _CLOSE else None
 
-        away = [fit for fit in each(fit_of, trials) if fit is not None and fit.objective < most]
+        away = [fit for fit in each_solved(fit_of, trials) if fit.objective < most]
         pairs_of = [(fit, zip(fit.added, one.fit.added, strict=True)) for fit in away]
         return [fit for fit, both in pairs_of if any(np.dot(a.values, b.values) < 0 for a, b in both)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -28,7 +29,7 @@ _OWN, _MOST_OWN = 0.3, 4  # orders of an effect: share of its strongest, and how
 
 @dataclass(frozen=True)
 class LineFound:
-    """A line that noise does not explain.
+    """A line of the residual.
 
     Attributes
     ----------
@@ -66,10 +67,7 @@ def best_lines(fit: Fit, policy: Policy, *, outside: bool, most: int = 1) -> lis
     # nearer than one wave more or less over the travel a line is the part's, with a swell
     apart = max(policy.order_tolerance, 1 / turns)
     bent = policy.line_share * max(float(np.std(part)) for part in fit.added_parts)
-
-    def is_framed(order: float) -> bool:
-        return fit.run_set.framed(order, apart)
-
+    is_framed = partial(fit.run_set.framed, apart=apart)
     for _ in range(_MOST_PEAKS):
         line = _strongest(records, rests, policy, is_framed if outside else None, _SLOW * (not fit.run_set.linear))
         if line is None or len(found) == most:
@@ -130,22 +128,15 @@ def _strongest(
     turns = max(r.turns for r in records)
     highest = highest_order([r.theta for r in records])
     lowest = policy.least_cycles / turns
-    total: Array | None = None
-    orders: Array | None = None
 
     def seen(both: tuple[Record, Array]) -> tuple[Array, Array]:
         record, rest = both
-        assert record.noise is not None
         clean = np.where(record.kept, record.without_nuisance(rest), 0.0)
-        return line_spectrum(record.theta, clean, record.noise, lowest, highest)
+        return line_spectrum(record.theta, clean, record.whiten.noise, lowest, highest)
 
-    for order, power in each(seen, list(zip(records, rests, strict=True))):
-        if orders is None or total is None:
-            orders, total = order, power.copy()
-        else:
-            total = total + np.interp(orders, order, power)
-    assert orders is not None
-    assert total is not None
+    (orders, total), *others = each(seen, list(zip(records, rests, strict=True)))
+    for order, power in others:
+        total = total + np.interp(orders, order, power)
     if orders.size < 3:
         return None
     cells = orders.size / 2
@@ -167,10 +158,9 @@ def _beside_a_walk(records: Sequence[Record], rests: Sequence[Array], order: flo
     """Power of one line where the random walk that is likeliest in each run adds to the noise at its order."""
     total = 0.0
     for record, rest in zip(records, rests, strict=True):
-        assert record.noise is not None
-        wanders = walking(record.noise, record.without_nuisance(rest), record.kept)
+        wanders = walking(record.whiten.noise, record.without_nuisance(rest), record.kept)
         move = float(np.ptp(record.theta)) / (record.theta.size - 1)
-        total += power_of([record], [rest], order)[0] / (1 + float(wanders.excess(np.array([order * move]))[0]))
+        total += line_at([record], [rest], order).power / (1 + float(wanders.excess(np.array([order * move]))[0]))
     return total
 
 
@@ -183,19 +173,18 @@ def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, 
     if 0 < best < near.size - 1:
         left, middle, right = powers[best - 1 : best + 2]
         top = near[best] + 0.5 * (left - right) / (left - 2 * middle + right) * (near[1] - near[0])
-    power, waves = power_of(records, rests, float(top))
-    return LineFound(float(top), power, tuple(waves))
+    return line_at(records, rests, float(top))
 
 
-def power_of(records: Sequence[Record], rests: Sequence[Array], order: float) -> tuple[float, list[complex]]:
-    """Power of one line by its own fit in each whitened run."""
+def line_at(records: Sequence[Record], rests: Sequence[Array], order: float) -> LineFound:
+    """The line of an order by its own fit in each whitened run."""
     rows = [np.stack([np.cos(order * record.theta), np.sin(order * record.theta)]) for record in records]
     power, sizes = explained(records, rests, rows)
-    return power, [complex(size[0], -size[1]) for size in sizes]
+    return LineFound(order, power, tuple(complex(size[0], -size[1]) for size in sizes))
 
 
 def powers_of(records: Sequence[Record], rests: Sequence[Array], orders: Array) -> list[float]:
-    """`power_of` each of some lines by itself."""
+    """Power of each of some lines by itself."""
     total = np.zeros(orders.size)
     for record, rest in zip(records, rests, strict=True):
         angle = np.outer(orders, record.theta)

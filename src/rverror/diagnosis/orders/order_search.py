@@ -141,10 +141,14 @@ class Linear:
         """Squares of conditions that are left out."""
         return float(sum(rest @ rest for rest in self.left_out))
 
+    def places(self, number: int) -> slice:
+        """Where the sizes of a block stand in a step."""
+        first = int(self.free.sum()) + sum(len(b.directions) for b in self.blocks[:number])
+        return slice(first, first + len(self.blocks[number].directions))
+
     def sizes(self, number: int) -> Array:
         """Sizes of a block at the best step."""
-        first = int(self.free.sum()) + sum(len(b.directions) for b in self.blocks[:number])
-        return self.best[first : first + len(self.blocks[number].directions)]
+        return self.best[self.places(number)]
 
     def effects(self) -> list[Effect]:
         """Blocks as effects, at their best sizes."""
@@ -174,12 +178,8 @@ def blocks_of(fit: Fit, candidates: Sequence[Named]) -> list[Columns]:
     taken = {named(e) for e in fit.model.effects}
     free = [c for c in candidates if identity(c) not in taken]
     made = columns_of(fit, free) if free else []
-    return [block for block in made if _shows(block)]
-
-
-def _shows(block: Columns) -> bool:
-    """Tell whether a size that a workshop makes does more than noise to some number."""
-    return any(np.abs(block.plausible[:, None] * rows).max() > 1 for rows in block.rows)
+    # a size that a workshop makes does more than noise to some number
+    return [b for b in made if any(np.abs(b.plausible[:, None] * rows).max() > 1 for rows in b.rows)]
 
 
 def searched(fit: Fit, candidates: Sequence[Named], journal: Journal) -> Fit:
@@ -220,8 +220,7 @@ def _pruned(fit: Fit, journal: Journal) -> Fit:
             break
         gone = fit.added[number]
         journal.note("dropped", (gone.key, gone.indices), "needless once all are refitted at the load")
-        at = len(fit.declared.effects) + number
-        model = replace(fit.model, effects=fit.model.effects[:at] + fit.model.effects[at + 1 :])
+        model = fit.model_with(instead_of=number)
         fit = fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
     return fit
 

@@ -16,7 +16,7 @@ import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
-from rverror.base.errors import warn_former
+from rverror.base.errors import former_name
 from rverror.diagnosis.order_passport import SAME_ORDER, SAME_SETTING, SAME_TEMPERATURE, level_of, rows_of
 from rverror.diagnosis.policy import Policy
 from rverror.dynamics.at_speed import CRITICAL, NEAR
@@ -115,15 +115,11 @@ class Resonance:
         """Orders that show it, growing."""
         return tuple(self.alone)
 
-    @property
-    def off(self) -> float:
-        """Former name of `misfit`."""
-        warn_former("Resonance.off", "Resonance.misfit")
-        return self.misfit
+    off = former_name("off", "misfit")
 
-    def part(self, series: ResonantSeries, at: Array, *, shifted: float = 1.0) -> Waves:
-        """What it adds to a series at frequencies of the order, rad, as time goes on; its own one times `shifted`."""
-        return np.asarray(series.resonant * growth(at, shifted * self.frequency, self.damping_ratio))
+    def part(self, series: ResonantSeries, *, shifted: float = 1.0) -> Waves:
+        """What it adds to a series, rad, as time goes on; its own frequency times `shifted`."""
+        return np.asarray(series.resonant * growth(series.frequency, shifted * self.frequency, self.damping_ratio))
 
 
 def growth(frequency: Array, natural: float | Array, damping: float | Array) -> Waves:
@@ -436,7 +432,7 @@ def _sized(series: ResonantSeries, natural: float, damping: float) -> ResonantSe
 # --- what errors are without it ---------------------------------------------------------------------------------------
 
 
-def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tuple[list[Array], list[Array]]:
+def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tuple[list[Waves], list[Array]]:
     """What natural frequencies add to each number of a table, and how well that is known.
 
     Parameters
@@ -447,35 +443,30 @@ def resonant_parts(cases: Sequence[OrderCase], found: Sequence[Resonance]) -> tu
 
     Returns
     -------
-    parts, deviations : list of ndarray, each of shape (2 k,)
-        Real parts, then imaginary ones, rad: of the law, and what it may be off by: its own misfit, and what it moves
-        when the frequency goes from end to end of its interval.
+    parts : list of ndarray of complex, shape (k,)
+        Of the law, rad.
+    deviations : list of ndarray, shape (2 k,)
+        What real parts, then imaginary ones may be off by, rad: its own misfit, and what it moves when the frequency
+        goes from end to end of its interval.
     """
     parts = [np.zeros(case.orders.size, complex) for case in cases]
     variances = [np.zeros(case.orders.size) for case in cases]
     for one in found:
         ends = [end / one.frequency if math.isfinite(end) else 1.0 for end in (one.low, one.high)]
         for series in one.series:
-            here = one.part(series, series.frequency)
-            span = np.abs(np.subtract(*(one.part(series, series.frequency, shifted=end) for end in ends))) / 4
+            here = one.part(series)
+            span = np.abs(np.subtract(*(one.part(series, shifted=end) for end in ends))) / 4
             deviation = np.hypot(one.misfit * np.abs(here), span)
             waves = here if series.direction > 0 else np.conj(here)
             for (at, place), wave, sigma in zip(series.places, waves, deviation, strict=True):
                 parts[at][place] += wave
                 variances[at][place] += sigma**2
-    return (
-        [np.concatenate([part.real, part.imag]) for part in parts],
-        [np.tile(np.sqrt(variance), 2) for variance in variances],
-    )
+    return parts, [np.tile(np.sqrt(variance), 2) for variance in variances]
 
 
-def without(cases: Sequence[OrderCase], parts: Sequence[Array]) -> tuple[OrderCase, ...]:
+def without(cases: Sequence[OrderCase], parts: Sequence[Waves]) -> tuple[OrderCase, ...]:
     """The cases less what natural frequencies add."""
-    halves = [np.split(part, 2) for part in parts]
-    return tuple(
-        replace(case, waves=case.waves - real - 1j * imaginary)
-        for case, (real, imaginary) in zip(cases, halves, strict=True)
-    )
+    return tuple(replace(case, waves=case.waves - part) for case, part in zip(cases, parts, strict=True))
 
 
 def slowest(cases: Sequence[OrderCase]) -> list[int]:

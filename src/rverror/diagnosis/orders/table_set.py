@@ -96,11 +96,6 @@ class TableObservation(Observation):
         """The waves."""
         return np.concatenate([self.case.waves.real, self.case.waves.imag])
 
-    @property
-    def constant(self) -> Array:
-        """An offset has no wave."""
-        return np.zeros(self.width)
-
     @cached_property
     def _own(self) -> Array:
         """Matrix (points, 2 k) from values on the turn to waves, a constant beside them."""
@@ -120,10 +115,6 @@ class TableObservation(Observation):
         """Waves of rows on a grid."""
         there = rows if grid == self.turn else grid.to_samples(self.turn.theta)(rows)
         return self._turned(np.asarray(there @ self._own), offset)
-
-    def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
-        """Waves of rows on the grid of a waveform."""
-        return self.of_grid(wave.grid, rows, offset)
 
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle of the marks."""
@@ -213,10 +204,6 @@ class TableSet(RunSet):
         numbers, _ = self.values
         return np.asarray(numbers + self.policy.by_chance * np.sqrt(2 * numbers))
 
-    def apart(self, key: str) -> bool:
-        """Every source that the contacts feel is solved."""
-        return False
-
     @cached_property
     def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""
@@ -255,21 +242,18 @@ def table_set(
     turn = whole(0.0, 2 * math.pi, points)
     torques = [case.condition.torque for case in cases]
     least = _DRAG * max((t for t in torques if t), default=0.0)
-    conditions: dict[tuple[float, float | None], LoadCase] = {}
-    which, rows = [], []
-    for case, torque in zip(cases, torques, strict=True):
-        load = None if torque is None or not least else max(torque, least)
-        key = (case.condition.direction, load)
-        conditions.setdefault(key, LoadCase(*key, turn))
-        which.append(list(conditions).index(key))
-        rows.append(TableRow(load))
+    loads = [None if torque is None or not least else max(torque, least) for torque in torques]
+    keys = [(case.condition.direction, load) for case, load in zip(cases, loads, strict=True)]
+    distinct = list(dict.fromkeys(keys))
     loaded = bool(least)
     refit = loaded and policy.refit_stiffness
     return TableSet(
         unit=unit,
-        records=cast("tuple[Record, ...]", tuple(rows)),  # of which a fit asks no more than a `TableRow` has
-        conditions=tuple(conditions.values()),
-        which=tuple(which),
+        records=cast(
+            "tuple[Record, ...]", tuple(map(TableRow, loads))
+        ),  # of which a fit asks no more than a `TableRow` has
+        conditions=tuple(LoadCase(*key, turn) for key in distinct),
+        which=tuple(map(distinct.index, keys)),
         policy=policy,
         soft=np.array([refit] * 9 + [loaded]),
         anywhere=anywhere,

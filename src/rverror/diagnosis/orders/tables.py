@@ -41,7 +41,7 @@ from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.model.empirical import LAWS, tells_directions
-from rverror.runs.order_table import OrderCase, OrderTable
+from rverror.runs.order_table import OrderCase, OrderTable, Waves
 from rverror.runs.spectrum import frames_of_order
 
 _LOADS = 5  # of each direction on which causes are looked for; all are fitted in the end.  Chosen for time
@@ -142,7 +142,7 @@ def diagnose_tables(
         tried=len(candidates),
         traces=(),
         notes=tuple(dict.fromkeys(notes)),
-        history=journal.history,
+        history=tuple(journal.fates),
         elastic=elastic,
         passport=passport(measured, ratio=unit.ratio),
         shares=_shares(final),
@@ -271,10 +271,10 @@ def _rms_of(rests: Sequence[Array]) -> float:
     return math.sqrt(float(np.mean([0.5 * float(rest @ rest) for rest in rests])))
 
 
-def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Array] | None = None) -> Residual:
+def _residual(fit: Fit, left: Sequence[Array], unknown: Sequence[Waves] = ()) -> Residual:
     """Sizes of what is left; of a model that does not know what was taken off the waves, with that."""
     run_set = conditions_of(fit)
-    more = unknown or [np.zeros_like(rest) for rest in left]
+    more = [np.concatenate([part.real, part.imag]) for part in unknown] or [np.zeros_like(rest) for rest in left]
     rests, held = ([a + b for a, b in zip(one, more, strict=True)] for one in (fit.residual, left))
     return Residual(_rms_of(rests), _peaks(run_set, rests), _rms_of(held))
 
@@ -314,11 +314,9 @@ def _reach(fit: Fit, variance: float) -> float:
 
 def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str, after: Residual) -> Addition:
     """A cause, with its rivals and with what chance does as much; from the loads on which it was looked for."""
-    at = len(fit.declared.effects) + number
-    effect = fit.model.effects[at]
-    first = sum(len(e.values) for e in fit.model.effects[:at])
-    own = range(first, first + len(effect.values))
-    estimates, notes = estimated(effect, [_reach(fit, float(fit.covariance[n, n])) for n in own])
+    effect = fit.added[number]
+    variances = np.diag(fit.covariance)[fit.places(number)].tolist()
+    estimates, notes = estimated(effect, [_reach(fit, variance) for variance in variances])
     order, share, odds = chance(few, number)
     notes.append(
         f"removes {100 * share:.0f} % of what is left of order {order:g} without it; the probability that as many "
@@ -331,40 +329,30 @@ def _claim(fit: Fit, few: Fit, number: int, alike: Sequence[Named], origin: str,
 def _law(laws: Linear, number: int, origin: str, after: Residual) -> Addition:
     """A law that describes an order."""
     effect = replace(laws.effects()[number], origin=origin)
-    first = sum(len(b.directions) for b in laws.blocks[:number])
-    own = range(first, first + len(effect.values))
     (at,) = np.flatnonzero(laws.run_set.orders == effect.indices["harmonic"])
     numbers = float(laws.run_set.values[0][at])
     # a law that does not hold leaves more than noise of its order
     more = max(1.0, float(laws.squares[at]) / numbers)
     size = student((1 - laws.run_set.policy.confidence) / 2, max(numbers - 2 * len(LAWS), 4.0))
-    halves = [size * math.sqrt(more * float(laws.covariance[n, n])) for n in own]
+    variances = np.diag(laws.covariance)[laws.places(number)]
+    halves = [size * math.sqrt(more * variance) for variance in variances.tolist()]
     estimates, _ = estimated(effect, halves)
     orders = source(effect.key).orders(laws.run_set.unit, effect.indices)
     notes = ("describes an order and explains nothing: no part is behind it",)
     return Addition(effect, estimates, (), orders, after.heldout_rms, notes)
 
 
-def _parts(fit: Fit) -> list[list[Array]]:
-    """What each added effect makes under each condition, as far as it is linear."""
-    first, parts = sum(len(e.values) for e in fit.declared.effects), []
-    for effect in fit.added:
-        own = slice(first, first := first + len(effect.values))
-        parts.append([np.array(effect.values) @ raw[own] for raw in fit.raw])
-    return parts
-
-
 def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     """Orders at which an effect acts, the strongest first."""
     run_set = conditions_of(fit)
-    power = run_set.by_order(part**2 for part in _parts(fit)[number])
+    power = run_set.by_order(part**2 for part in fit.added_linearly[number])
     return leading(run_set.orders, np.sqrt(power), math.sqrt(power.max()))
 
 
 def _lines(fit: Fit, named: int) -> tuple[Line, ...]:
     """Orders of which more than noise is left beside the named causes: what laws describe is not explained."""
     run_set = conditions_of(fit)
-    laws = _parts(fit)[named:]
+    laws = fit.added_linearly[named:]
     rests = [rest + sum((law[n] for law in laws), np.zeros_like(rest)) for n, rest in enumerate(fit.residual)]
     squares = run_set.by_order((rest / s) ** 2 for rest, s in zip(rests, run_set.sigmas, strict=True))
     cases = run_set.values[0] / 2
@@ -403,7 +391,7 @@ def _shares(fit: Fit) -> tuple[OrderShare, ...]:
     total, cases = along(measured), run_set.values[0] / 2
     kinds = ("parts", "compliance", "measuring_chain", "empirical")
     taken = {kind: np.zeros(run_set.orders.size) for kind in kinds} | {"left": along(fit.residual)}
-    for effect, part in zip(fit.added, _parts(fit), strict=True):
+    for effect, part in zip(fit.added, fit.added_linearly, strict=True):
         taken[_kind(source(effect.key))] += along(part)
     taken["parts"] += total - sum(taken.values())  # declared, and what is not linear
     power = np.where(Linear(fit).measured > run_set.most_of_noise, total, math.nan)

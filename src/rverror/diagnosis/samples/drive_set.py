@@ -12,18 +12,20 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
+from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import EverySample, Observation
 from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.reducers import offered
 from rverror.diagnosis.gears.score import identity
 from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.records import DriveRecord
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.mechanism import Mechanism, Reducer
-from rverror.geartrain.source import Indices
-from rverror.model.catalogue import CATALOGUE, source
+from rverror.geartrain.source import Indices, Source
+from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.spectrum import highest_order
 from rverror.statics.loaded_state import SOFTENING
@@ -64,28 +66,14 @@ class DriveSet(RunSet):
     made: dict[object, Any] = field(default_factory=dict, repr=False)
     linear: ClassVar[bool] = True
 
-    @property
-    def settles(self) -> bool:
-        """A bow, or a constant for each direction, is no encoder's error."""
-        return True
-
     def framed(self, order: float, apart: float) -> bool:
         """Tell whether an order is that of a candidate, or lies nearer to one than so much."""
-        return bool(np.abs(self._orders - order).min(initial=math.inf) < apart)
+        return bool(np.abs(self._every_order - order).min(initial=math.inf) < apart)
 
     @cached_property
-    def _orders(self) -> Array:
+    def _every_order(self) -> Array:
         """Of all candidates."""
-        return np.array([abs(o) for key, at in self.candidates for o in source(key).orders(self.unit, at)])
-
-    @property
-    def coarse(self) -> RunSet:
-        """The same: there is no grid, and a linear step is the fit."""
-        return self
-
-    def apart(self, key: str) -> bool:
-        """Nothing is solved."""
-        return False
+        return np.array([order for name in self.candidates for order in _orders(self.unit, name)])
 
     def solve(self, model: Model, near: Sequence[Waveform] | None = None) -> list[Waveform]:
         """A waveform of nothing."""
@@ -132,9 +120,10 @@ class DriveSet(RunSet):
                 self.policy.false_alarm, len(rows)
             ):
                 continue
-            size, unit = record.in_units(float(np.ptp(sizes[at] @ rows)))
+            size = to_display(float(np.ptp(sizes[at] @ rows)) * record.unit, record.quantity)
             notes.append(
-                f"{record.name}: {name}, {size:.4g} {unit} peak-to-peak, is significant; it is taken off and not named"
+                f"{record.name}: {name}, {size:.4g} {DISPLAY_UNITS[record.quantity]} peak-to-peak, is significant; "
+                "it is taken off and not named"
             )
         return notes
 
@@ -189,20 +178,19 @@ def candidates_of_drive(model: Model, records: Sequence[DriveRecord], policy: Po
     Shafts that the user named go before the measuring chain, where these cannot be told apart.  Of a torque record they
     alone: no encoder's error makes torque.
     """
-    unit, found = model.mechanism, list[Named]()
-    highest = highest_order([r.theta for r in records])
-    for key, entry in CATALOGUE.items():
-        if not entry.applies_to(unit) or not policy.tries(entry):
-            continue
-        if records[0].quantity == "torque" and entry.acts == "reading":
-            continue
-        if any(entry.lacks(unit, record) for record in records):
-            continue
-        for indices in entry.candidates(unit):
-            orders = [abs(order) for order in entry.orders(unit, indices)]
-            if max(orders, default=0.0) < highest:
-                found.append((key, indices))
+    unit, highest = model.mechanism, highest_order([r.theta for r in records])
+
+    def wanted(entry: Source) -> bool:
+        return policy.tries(entry) and not (records[0].quantity == "torque" and entry.acts == "reading")
+
+    # those that are declared too
+    found = [name for name in offered(Model(unit), records, wanted) if max(_orders(unit, name), default=0.0) < highest]
     return sorted(found, key=lambda name: source(name[0]).acts == "reading")
+
+
+def _orders(unit: Mechanism, name: Named) -> tuple[float, ...]:
+    """Orders of a source, per output turn and without their signs."""
+    return tuple(abs(order) for order in source(name[0]).orders(unit, name[1]))
 
 
 def distinguishable(unit: Mechanism, candidates: Sequence[Named], turns: float, policy: Policy) -> list[Named]:
@@ -219,7 +207,7 @@ def distinguishable(unit: Mechanism, candidates: Sequence[Named], turns: float, 
     found: dict[object, Named] = {}
     slopes = any(not source(key).periodic for key, _ in candidates)
     for name in candidates:
-        orders = tuple(abs(o) for o in source(name[0]).orders(unit, name[1]))
+        orders = _orders(unit, name)
         if slopes and any(orders) and max(orders) * turns < policy.taken:
             continue
         found.setdefault(orders if any(orders) else identity(name), name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -22,16 +22,13 @@ from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines, taken_off
 from rverror.diagnosis.gears.trial import Trial
 from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
-from rverror.diagnosis.noise import noise_of
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import Addition, Diagnosis, Trace
+from rverror.diagnosis.result import Addition, Diagnosis
 from rverror.diagnosis.samples.drive_set import DriveSet, candidates_of_drive, distinguishable, drive_set, less
 from rverror.diagnosis.samples.records import records_of_drive
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
-
-T = TypeVar("T")
 
 #: Independent values of what is not explained yet: as many as there are, so that squares count as they are.  What is
 #: left of a drive moves nothing that a declared size does not make.
@@ -39,6 +36,10 @@ _ANY = 1e9
 _NOTHING = 1e-4  # share of its power by which a wave would have to be enormous: it is made up by others
 _TOGETHER = 6  # lines that are added at once
 _FITTED = 3  # candidates that lead by a linear step and are fitted beside everything
+#: Fields of a result that are sizes of what was measured, and that hold some; traces, and what is theirs alone.
+_SIZES = ("noise_rms", "rms", "peak_to_peak", "heldout_rms", "amplitude", "cos", "sin", "value", "low", "high")
+_HOLDING = ("before", "before_refitted", "after", "added", "effect", "estimates", "values", "unexplained")
+_TRACED = ("traces", "measured", "left_out")
 
 
 def diagnose_drive(
@@ -99,45 +100,29 @@ def diagnose_drive(
 
 def _in_order(best: Hypothesis, added: Sequence[Addition]) -> tuple[Addition, ...]:
     """Errors that grow along a run first, since without them no other figure means much; then the largest first."""
-    first, found = sum(len(e.values) for e in best.fit.declared.effects), []
-    for one in added:
-        last = first + len(one.effect.values)
-        made = np.concatenate([np.array(one.effect.values) @ raw[first:last] for raw in best.fit.raw])
-        found.append((source(one.effect.key).periodic, -float(made @ made), one))
-        first = last
-    return tuple(one for *_, one in sorted(found, key=lambda row: row[:2]))
+    made = [np.concatenate(parts) for parts in best.fit.added_linearly]
+    keys = [(source(one.effect.key).periodic, -float(row @ row)) for one, row in zip(added, made, strict=True)]
+    return tuple(added[at] for at in sorted(range(len(added)), key=lambda at: keys[at]))
 
 
 def _as_torque(found: Diagnosis, model: Model, unit: float) -> Diagnosis:
     """A result in N*mm, of which nothing enters the model."""
-
-    def scaled(one: T, *names: str) -> T:
-        return replace(one, **{name: unit * getattr(one, name) for name in names})  # type: ignore[type-var]
-
-    def added(one: Addition) -> Addition:
-        estimates = [replace(scaled(e, "value", "low", "high"), dimension="torque") for e in one.estimates]
-        effect = replace(one.effect, values=tuple(unit * v for v in one.effect.values))
-        return replace(scaled(one, "heldout_rms"), effect=effect, estimates=tuple(estimates), notes=())
-
-    def trace(one: Trace) -> Trace:
-        left_out = None if one.left_out is None else (unit * one.left_out[0], unit * one.left_out[1])
-        return replace(scaled(one, "measured", "before", "after"), left_out=left_out)
-
-    before, refitted, after = (
-        scaled(one, "rms", "peak_to_peak", "heldout_rms") for one in (found.before, found.before_refitted, found.after)
+    scaled: Diagnosis = _scaled(found, unit)
+    added = tuple(
+        replace(one, notes=(), estimates=tuple(replace(e, dimension="torque") for e in one.estimates))
+        for one in scaled.added
     )
-    return replace(
-        scaled(found, "noise_rms"),
-        before=before,
-        before_refitted=refitted,
-        after=after,
-        added=tuple(map(added, found.added)),
-        unexplained=tuple(scaled(line, "amplitude", "low", "high", "cos", "sin") for line in found.unexplained),
-        model=model,
-        declared=model,
-        traces=tuple(map(trace, found.traces)),
-        quantity="torque",
-    )
+    return replace(scaled, added=added, model=model, declared=model, quantity="torque")
+
+
+def _scaled(thing: Any, unit: float) -> Any:
+    """A part of a result with all its sizes times a unit."""
+    if isinstance(thing, tuple):
+        return tuple(_scaled(one, unit) for one in thing)
+    if isinstance(thing, float | np.ndarray):
+        return unit * thing
+    sized = {name: getattr(thing, name, None) for name in (*_SIZES, *_HOLDING, *_TRACED)}
+    return replace(thing, **{name: _scaled(one, unit) for name, one in sized.items() if one is not None})
 
 
 def with_first_noise(run_set: DriveSet) -> DriveSet:
@@ -149,8 +134,7 @@ def with_first_noise(run_set: DriveSet) -> DriveSet:
     records = []
     for record, own in zip(run_set.records, rows, strict=True):
         rest, count = less(record.error, np.concatenate([record.nuisance, record.settling, own]))
-        noise = noise_of(rest, record.kept, float(count), floor=run_set.policy.model_error, by_criterion=True)
-        records.append(replace(record, noise=noise))
+        records.append(replace(record, noise=run_set.noise_in(record, rest, float(count))))
     return replace(run_set, records=tuple(records))
 
 
@@ -214,9 +198,7 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = list[Hypothesis](), one.fit.run_set.records, one.with_rows
-        if self._settles(whole):
-            found.append(self._with_records(one, [replace(r, slow=True) for r in records], one.lines, slow=True))
+        found, records, whole = self.with_settling(one), one.fit.run_set.records, one.with_rows
         room = MOST_LINES - len(one.lines)
         for most in (1, min(room, _TOGETHER)) if room else ():
             lines = tuple(line.order for line in best_lines(whole.fit, self.policy, outside=True, most=most))
@@ -226,10 +208,6 @@ class DriveSearch(Search):
             if not lines or found[-1].score > min((o.score for o in self._leading(one)), default=one.score):
                 break
         return found
-
-    def rivals(self, one: Hypothesis, number: int) -> list[Hypothesis]:
-        """None that would fit better: all were beside it when it was added."""
-        return []
 
     def as_good(self, one: Hypothesis, number: int) -> tuple[Named, ...]:
         """Candidates that fit as well in the place of a cause, however large."""

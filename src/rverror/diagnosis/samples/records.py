@@ -59,10 +59,6 @@ class DriveRecord(Record):
         kept[turned] = kept[turned + 1] = False
         return Whitening(self.noise, kept, self.starts, self.nuisance)
 
-    def in_units(self, size: float) -> tuple[float, str]:
-        """A size of the error as people read it, and its unit."""
-        return units.to_display(size * self.unit, self.quantity), units.DISPLAY_UNITS[self.quantity]
-
     @cached_property
     def settling(self) -> Array:
         """Slow changes that any run may have beside its offset, and lost motion where it turns both ways."""
@@ -102,7 +98,7 @@ def records_of_drive(model: Model, runs: Sequence[Run]) -> tuple[list[DriveRecor
         run.check_effects(model, name)
         notes += [f"{name}: {note}" for note in run.notes]
         notes += _rounding(run, drive, name) if quantity == "angle" else []
-        theta, signal, first = _signal(run, drive, name, quantity)
+        theta, signal, first = _signal(run, drive, quantity)
         if first:
             notes.append(f"{name}: {first} samples of standstill and run-up left out")
         unit = 1.0 if quantity == "angle" else float(np.std(signal)) / _TORQUE or 1.0
@@ -149,7 +145,7 @@ def _is_torque_record(run: Run) -> bool:
     return run.te_column is None and angles == 1 and run.torque_record is not None
 
 
-def _signal(run: Run, drive: Drive, name: str, quantity: str) -> tuple[Array, Array, int]:
+def _signal(run: Run, drive: Drive, quantity: str) -> tuple[Array, Array, int]:
     """Nominal output angle and the signal of a run, and how many samples at its start are no steady motion."""
     if quantity == "angle":
         return run.nominal_angle(drive), run.error(drive), 0

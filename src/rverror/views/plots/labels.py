@@ -69,16 +69,6 @@ def letters(ax: Axes, size: float | str) -> int:
     return max(int(72 * room / (_LETTER * FontProperties(size=size).get_size_in_points())), 1)
 
 
-def titled(ax: Axes, *parts: str) -> None:
-    """Title made of parts, with commas between them, in as many lines as the axes' room asks for."""
-    from matplotlib.ticker import FixedLocator
-
-    named = isinstance(ax.yaxis.get_major_locator(), FixedLocator)  # names of rows stand left of the title
-    names = max((len(label.get_text()) for label in ax.get_yticklabels()), default=0) if named else 0
-    text = textwrap.fill(", ".join(filter(None, parts)), max(letters(ax, "large") - names, 1))
-    ax.set_title(text, x=0.0, ha="left")
-
-
 def labelled(
     ax: Axes,
     *title: str,
@@ -88,13 +78,18 @@ def labelled(
     legend_title: str | None = None,
     **limits: Any,
 ) -> Axes:
-    """Axes with their labels, limits, title and legend."""
+    """Axes with their labels, limits, legend and a title of parts, in as many lines as the axes' room asks for."""
+    from matplotlib.ticker import FixedLocator
+
     ax.set(xlabel=x, ylabel=y, **limits)
     for axis in (ax.xaxis, ax.yaxis):
         if type(axis.get_major_formatter()).__name__ == _POWERS:
             axis.set_major_formatter(_log_numbers()())
             axis.set_minor_formatter(_log_numbers()(labelOnlyBase=False))
-    titled(ax, *title)
+    named = isinstance(ax.yaxis.get_major_locator(), FixedLocator)  # names of rows stand left of the title
+    names = max((len(label.get_text()) for label in ax.get_yticklabels()), default=0) if named else 0
+    text = textwrap.fill(", ".join(filter(None, title)), max(letters(ax, "large") - names, 1))
+    ax.set_title(text, x=0.0, ha="left")
     if legend:
         _legend(ax, legend, legend_title)
     return ax

@@ -170,7 +170,8 @@ def run_spectrum(
     mechanism = mechanism_of(run, ratio)
     signals = signals_of(run, ratio)
     rows = [(way(signal.direction), run_lines(signal, mechanism)) for signal in signals]
-    name = _namer(None if isinstance(ratio, int | float) else mechanism, rows[0][1])
+    bare = isinstance(ratio, int | float)
+    name = "{:.4g}".format if bare else partial(frame_name, mechanism, within=rows[0][1].apart)
     unit, title = unit_of(signals[0].quantity).shown, run_title(run, ratio, signals)
     return draw_lines(rows, name, title=["order spectrum", *title], unit=unit, highest=highest, ax=ax)
 
@@ -197,7 +198,7 @@ def state_spectrum(state: Equilibrium, *, highest: float | None = None, ax: Axes
     if angle.size < 8 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps.mean():
         raise InputError("a spectrum needs eight or more even angles that grow; solve the equilibrium at such")
     found = lines_of(angle, ANGLE.of(state.transmission_error))
-    frame = _namer(state.model.mechanism, found)
+    frame = partial(frame_name, state.model.mechanism, within=found.apart)
     alone = ANGLE.of(transmission_error_by_effect(state.model, state.conditions))
     causes = causes_of(state.model, angle, alone)
 
@@ -221,13 +222,6 @@ def mechanism_of(run: Run, ratio: Reducer | Drive | Model | float | None) -> Mec
     if isinstance(ratio, Model):
         return ratio.mechanism
     return ratio if isinstance(ratio, Reducer | Drive) else Drive(ratio=float(ratio))
-
-
-def _namer(mechanism: Mechanism | None, lines: Lines) -> Callable[[float], str]:
-    """Names of peaks: order and frame, or the order alone where the mechanism is not known."""
-    if mechanism is None:
-        return "{:.4g}".format
-    return partial(frame_name, mechanism, within=lines.apart)
 
 
 def draw_lines(

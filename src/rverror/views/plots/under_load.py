@@ -147,7 +147,7 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
         top += height
     for x, high, one in zip(place.tolist(), top, listed, strict=True):
         ax.text(x, high, f" {100 * one.mean:.1f} %", ha="center", va="bottom", rotation=90, fontsize="small")
-    cases = list(zip(*map(_case, listed), strict=True))
+    cases = [[f"{one.drives} drives" for one in listed], [ways(one.direction) for one in listed]]
     loads = [brief(TORQUE.of(one.torque)) for one in listed]
     differing = [words for words in cases if len(set(words)) > 1]
     joint, turned = ("\n", 0) if len(listed) <= _WITHOUT_TURNING or not differing else (", ", 90)
@@ -163,11 +163,6 @@ def losses(found: Efficiency, *, beside: Sequence[Efficiency] = (), ax: Axes | N
         ylim=(0, _ROOM * max(float(top.max()), 1.0)),
         legend="beside",
     )
-
-
-def _case(one: Efficiency) -> tuple[str, str]:
-    """What drives, and which way it goes."""
-    return f"{one.drives} drives", ways(one.direction)
 
 
 def pressures(found: ContactPressure, *, ax: Axes | None = None) -> Axes:
