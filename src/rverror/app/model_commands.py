@@ -47,12 +47,9 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--torque": option('"20 N*m"', "output torque; repeat it for more runs", size="torque", action="append"),
         **arm_option("a weight in place of a torque", "; the run has a column output_torque"),
         "--method": choice(
-            ("closed", "equilibrium"),
-            "closed",
-            "closed (default): rigid bearings, every pin on the loaded side in contact; equilibrium: under load, where "
-            "contacts may separate",
+            ("closed", "equilibrium"), "closed", "closed form (default), or under load, where contacts may separate"
         ),
-        "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
+        "--direction": choice(WAYS, "forward", "direction (default forward)"),
         "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),
         "--noise-correlation": option(
             '"2 deg"', "output angle over which the noise is correlated (default: white)", dest="correlation"

@@ -174,8 +174,7 @@ def hopped(
             break
         sizes = best.drawn(rng) if best else rng.standard_normal(len(prior.spread))
         other = nearest(solve, values, prior, sizes, enough)
-        if other and (best is None or other.distance < best.distance):
-            best = other
+        best = other if other and (best is None or other.distance < best.distance) else best
     return best
 
 
@@ -300,16 +299,14 @@ class OwnEquilibrium:
         # parts were fitted from sizes all round: members are sought there too, and parts that are named as thoroughly
         sizes = np.where(self._effect == named[0].effect, 0.0, named[0].unit.sizes)
         other = hopped(self._solve, values, usual, enough, rng, sizes)
-        if other and other.distance < member.distance:
-            member = other
+        member = other if other and other.distance < member.distance else member
         if member.distance < enough:
             return ()
-
-        def again(one: GrossError) -> GrossError:
+        again = []
+        for one in named:
             unit = hopped(self._solve, values, self._wider(one.effect, usual), enough, rng, one.unit.sizes)
-            return self._gross_error(one.effect, unit or one.unit, usual, member)
-
-        return tuple(self._named([again(one) for one in named], member, chance))
+            again.append(self._gross_error(one.effect, unit or one.unit, usual, member))
+        return tuple(self._named(again, member, chance))
 
     def _named(self, errors: Sequence[GrossError], member: FittedUnit, chance: float) -> list[GrossError]:
         """The likeliest part, if its odds over a member are beyond the chance, and beside it its mirror image and those
@@ -359,15 +356,9 @@ class OwnEquilibrium:
         rest = unit.slopes[:, ~own] @ unit.slopes[:, ~own].T + np.eye(len(unit.left))
         information = unit.slopes[:, own].T @ np.linalg.solve(rest, unit.slopes[:, own])
         variance = np.diag(np.linalg.inv(information + np.eye(len(information))))
-        sizes, spread = (prior.middle + prior.spread * unit.sizes)[own], prior.spread[own]
-        return GrossError(
-            number,
-            unit,
-            sizes,
-            np.sqrt(variance * unit.misfit) * spread,
-            variance < 0.5,
-            member.score - unit.score - cost,
-        )
+        sizes = (prior.middle + prior.spread * unit.sizes)[own]
+        errors = np.sqrt(variance * unit.misfit) * prior.spread[own]
+        return GrossError(number, unit, sizes, errors, variance < 0.5, member.score - unit.score - cost)
 
     def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
         """Its sizes, those of which the amplitudes say more than what was known before."""

@@ -158,8 +158,8 @@ def listed(result_table: Table, dim: str) -> Sheet:
         places = sorted({round(at * (count - 1) / (_SOME - 1)) for at in range(_SOME)})
     heads = [", ".join(filter(None, (_words(name), unit_for_people(units.get(name, ""))))) for name in chosen]
     links = result_table.links if dim == result_table.rows else ()
-    shown = grid(heads, [[columns[name][at] for name in chosen] for at in places], links)
-    return (*shown, *line(f"{len(places)} of {count} rows." if len(places) < count else ""))
+    rest = line(f"{len(places)} of {count} rows." if len(places) < count else "")
+    return (*grid(heads, [[columns[name][at] for name in chosen] for at in places], links), *rest)
 
 
 def _readable(name: str, values: Any, unit: str) -> Any:
