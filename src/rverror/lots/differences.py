@@ -18,6 +18,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.text import describe
+from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.source import IndexValue
 from rverror.lots.processes import UnitParts
 from rverror.lots.result import Change, Difference, Interval, Shift
@@ -204,11 +205,13 @@ class Fits:
         return np.asarray(np.max(of_each, axis=0))
 
     def likely(self, chi: Array, away: Array, misfit: float = 1.0) -> Array:
-        """Chi-squares less what a prior of plausible shifts takes off, of amplitudes that are so far away, (d,).
+        """Chi-squares less what the prior of shifts takes off, of amplitudes that are so far away, (d,).
 
-        Where influences leave a misfit, differences of chi-squares say as much less than those of the prior.
+        The prior is that of a cause in a diagnosis.  Where influences leave a misfit, differences of chi-squares say as
+        much less.
         """
-        sizes = [(away @ sizing) / one.plausible for one, sizing in zip(self.candidates, self.sizing, strict=True)]
+        usual = [POLICY.workshop * one.plausible for one in self.candidates]
+        sizes = [(away @ sizing) / one for one, sizing in zip(usual, self.sizing, strict=True)]
         return np.maximum(chi - misfit * np.array([float(size @ size) for size in sizes]), 0.0)
 
     def best(self, chi: Array) -> int:
