@@ -123,7 +123,7 @@ def span_of(largest: float) -> float:
     return largest if largest > NOTHING else 1.0
 
 
-def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
+def for_drawing(x: Array, *rows: Array, columns: int = COLUMNS) -> tuple[Array, ...]:
     """Line, or several over one abscissa, without the samples of a long trace that no picture can show.
 
     Parameters
@@ -131,7 +131,8 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     x : ndarray, shape (n,)
         Not a number where a line is broken.
     *rows : ndarray, shape (n,)
-        Up to four samples in each of `COLUMNS` columns of points are all kept.
+    columns : int
+        Of points, that are to be seen; up to four samples in each are all kept.
 
     Returns
     -------
@@ -146,11 +147,11 @@ def for_drawing(x: Array, *rows: Array) -> tuple[Array, ...]:
     >>> thin.size < 5000, float(values.max())
     (True, 9.0)
     """
-    if x.size <= 4 * COLUMNS:
+    if x.size <= 4 * columns:
         return (x, *rows)
     breaks = np.flatnonzero(np.isnan(x))
     kept = [np.array([0, x.size - 1]), breaks - 1, breaks, breaks + 1]
-    stretches = np.split(np.arange(x.size), np.ceil(np.linspace(0, x.size - 1, COLUMNS + 1)[1:-1]).astype(int))
+    stretches = np.split(np.arange(x.size), np.ceil(np.linspace(0, x.size - 1, columns + 1)[1:-1]).astype(int))
     for row in rows:
         known = np.where(np.isnan(row), np.nanmedian(row), row)
         for stretch in stretches:
