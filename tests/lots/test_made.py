@@ -18,9 +18,10 @@ from rverror.diagnosis.gears.reducers import curved
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of
 from rverror.lots.identifiable import question_of
 from rverror.lots.made import lot
-from rverror.lots.moments import interval
+from rverror.lots.moments import LotEstimate, MomentMatching, interval
+from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import UnitParts, processes_of
-from rverror.lots.result import Lot
+from rverror.lots.result import Lot, Outsider
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
 
@@ -365,6 +366,30 @@ def test_a_lot_forward_and_reverse_is_told_to_its_end(both_ways: list[LotUnit]) 
     found = lot(MODEL, both_ways, tolerances=TOLERANCES)
     holds(found)
     assert found.means
+
+
+def test_units_are_asked_for_their_own_equilibrium_once_the_estimate_is_not_repeated(
+    both_ways: list[LotUnit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A first estimate that fits is the only one; a poor one is repeated, and asked for nothing before."""
+    steps: list[str] = []
+
+    def estimate(self: MomentMatching, state: State, *, again: bool = False) -> LotEstimate:
+        steps.append("estimated")
+        return whole(self, state, again=again)
+
+    def outsiders(*_: object) -> tuple[Outsider, ...]:
+        steps.append("asked")
+        return ()
+
+    whole = MomentMatching.estimate
+    monkeypatch.setattr(MomentMatching, "estimate", estimate)
+    monkeypatch.setattr(OwnEquilibrium, "outsiders", outsiders)
+    for poor, expected in ((False, ["estimated", "asked"]), (True, ["estimated", "estimated", "asked"])):
+        steps.clear()
+        monkeypatch.setattr(LotEstimate, "poor", poor)
+        lot(MODEL, both_ways, tolerances=TOLERANCES)
+        assert steps == expected
 
 
 def test_without_marks_a_lot_is_told_whatever_the_zeros_of_its_units(both_ways: list[LotUnit]) -> None:

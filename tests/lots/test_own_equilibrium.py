@@ -16,7 +16,7 @@ from rverror.base.arrays import Array
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import Amplitudes, Condition
-from rverror.lots.own_equilibrium import GrossError, OwnEquilibrium, Prior, hopped, nearest
+from rverror.lots.own_equilibrium import FittedUnit, GrossError, OwnEquilibrium, Prior, hopped, nearest
 from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, SolvedUnit, State
 from rverror.model.effects import Model
@@ -67,6 +67,19 @@ def test_the_unit_is_found_among_the_local_minima_of_contacts_that_open(seed: in
     found = hopped(solve, values, usual, itself, np.random.default_rng(1))
     assert found is not None
     assert found.distance < itself
+
+
+def test_draws_about_a_unit_have_its_posterior_with_three_times_the_noise_that_is_left() -> None:
+    """Of the covariance S' (S S' + s)^-1 S less than the prior's, s three times the mean square that is left; with no
+    more left than noise three times that."""
+    rng = np.random.default_rng(2)
+    slopes, sizes = 2 * rng.standard_normal((3, 5)), rng.standard_normal(5)
+    for left, noise in ((np.array([4.0, -2.0, 2.0]), 3 * 8.0), (np.array([0.1, 0.2, 0.3]), 3.0)):
+        unit = FittedUnit(sizes, left, slopes)
+        drawn = np.array([unit.drawn(rng) for _ in range(20_000)]) - sizes
+        expected = np.eye(5) - slopes.T @ np.linalg.solve(slopes @ slopes.T + noise * np.eye(3), slopes)
+        assert np.abs(drawn.mean(axis=0)).max() < 0.03
+        assert np.abs(drawn.T @ drawn / len(drawn) - expected).max() < 0.05
 
 
 @cache
@@ -220,6 +233,49 @@ def test_of_the_farthest_units_a_part_is_told_with_its_interval_or_several_kinds
     assert shift.size.value == pytest.approx(first.sizes[0])
     assert shift.size.high - shift.size.value == pytest.approx(1.96 * first.errors[0])
     assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.3)  # it is the nearest now
+
+
+@dataclass(frozen=True)
+class OneSidedPins:
+    """Units as of `LinearSimulator`, but that pins carry on one side alone."""
+
+    parts: UnitParts
+    influence: Array
+
+    def linearised_at(self, state: State, root: Array) -> Solve:
+        pins = np.array([self.parts.effects[effect].key == PIN for effect in self.parts.effect])
+        pins = np.concatenate([pins, np.zeros(COMPLIANCES, np.bool_)])
+
+        def solve(errors: Array) -> SolvedUnit:
+            carries = ~pins | (errors > 0)
+            return SolvedUnit(errors * carries @ self.influence, self.influence * carries[:, None])
+
+        return solve
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_part_is_sought_as_thoroughly_as_a_member(seed: int) -> None:
+    """It is named, and its unit as near as the true one, which the fits from sizes all round are far from: with these
+    alone three of twenty such parts are named."""
+    rng, lot = np.random.default_rng(seed), lot_at_light_load()
+    parts, gross = lot.simulator.parts, 1
+    influence = rng.standard_normal((len(parts.process) + COMPLIANCES, 30)) * 1e3
+    influence[-COMPLIANCES:] *= 1e-5
+    own = replace(lot, simulator=OneSidedPins(parts, influence))  # type: ignore[arg-type]
+    errors = spread() * rng.standard_normal(len(spread()))
+    errors[parts.effect == gross] = (0.05, 0.03)
+    solve = own.simulator.linearised_at(own.state, own.root)
+    solved = solve(np.concatenate([errors, np.zeros(COMPLIANCES)]))
+    assert solved is not None
+    noise = rng.standard_normal(30)
+    wide = np.where(parts.effect == gross, [p.plausible for p in parts.parameters], spread())
+    first, *_ = own.gross_errors(solved.values + noise, np.zeros(len(errors)), 0.01)
+    assert first.effect == gross
+    assert first.unit.distance < np.sum((errors / wide) ** 2) + noise @ noise
+    errors[parts.effect == gross] = spread()[parts.effect == gross]
+    member = solve(np.concatenate([errors, np.zeros(COMPLIANCES)]))
+    assert member is not None
+    assert own.gross_errors(member.values + noise, np.zeros(len(errors)), 0.01) == ()
 
 
 def test_errors_of_an_estimate_are_no_gross_errors() -> None:

@@ -292,21 +292,23 @@ class OwnEquilibrium:
         if member is None or member.distance < enough:
             return ()
         few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
-        errors = [self._from_all_sides(number, values, usual, member) for number in few]
-        named = self._named([one for one in errors if one], member, chance)
+        errors = [one for one in (self._from_all_sides(number, values, usual, member) for number in few) if one]
+
+        def sought(one: GrossError, beside: FittedUnit) -> GrossError:
+            unit = hopped(self._solve, values, self._wider(one.effect, usual), enough, rng, one.unit.sizes)
+            return self._gross_error(one.effect, unit or one.unit, usual, beside)
+
+        # part and member are compared once both were sought as thoroughly, the member beside that part too
+        errors.sort(key=lambda one: -one.gain)
+        named = self._named([*(sought(one, member) for one in errors[:1]), *errors[1:]], member, chance)
         if not named:
             return ()
-        # parts were fitted from sizes all round: members are sought there too, and parts that are named as thoroughly
         sizes = np.where(self._effect == named[0].effect, 0.0, named[0].unit.sizes)
         other = hopped(self._solve, values, usual, enough, rng, sizes)
         member = other if other and other.distance < member.distance else member
         if member.distance < enough:
             return ()
-        again = []
-        for one in named:
-            unit = hopped(self._solve, values, self._wider(one.effect, usual), enough, rng, one.unit.sizes)
-            again.append(self._gross_error(one.effect, unit or one.unit, usual, member))
-        return tuple(self._named(again, member, chance))
+        return tuple(self._named([sought(one, member) for one in named], member, chance))
 
     def _named(self, errors: Sequence[GrossError], member: FittedUnit, chance: float) -> list[GrossError]:
         """The likeliest part, if its odds over a member are beyond the chance, and beside it its mirror image and those
