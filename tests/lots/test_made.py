@@ -416,6 +416,30 @@ def test_spoilt_units_without_marks_are_found_and_the_intervals_of_the_others_ho
     intervals_hold(found)
 
 
+def test_gross_errors_of_one_kind_widen_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three of 42 units with a cam that is 60 to 70 um off: as members they make cams scatter twice as much."""
+    spoilt = {
+        3: rverror.effect("crank.eccentricity", disc=1, crank=0, radial="60 um"),
+        17: rverror.effect("crank.eccentricity", disc=0, crank=0, tangential="70 um"),
+        21: rverror.effect("crank.eccentricity", disc=1, crank=1, tangential="-65 um"),
+    }
+    monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_: ())  # which takes most of the time
+    found = lot(MODEL, made(9, 42, SPREAD, 1.0, spoilt=spoilt), tolerances=TOLERANCES)
+    assert {one.serial for one in found.outsiders} == {"003", "017", "021"}
+    assert (found.units, found.notes) == (39, ())
+    intervals_hold(found)
+
+
+def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cam six standard deviations off, less than first order tells for sure."""
+    spoilt = {5: rverror.effect("crank.eccentricity", disc=1, crank=0, radial="12 um")}
+    monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_: ())
+    found = lot(MODEL, made(9, 42, SPREAD, 1.0, spoilt=spoilt), tolerances=TOLERANCES)
+    assert (found.units, found.outsiders) == (41, ())
+    assert found.notes == ("far from the other units, and left out of the estimate: 005",)
+    intervals_hold(found)
+
+
 def test_an_interval_is_that_of_a_sample_variance() -> None:
     """Of a variance of 50 degrees of freedom: its standard error is v sqrt(2/50), the interval that of chi-square."""
     low, high = interval(4.0, 4.0 * math.sqrt(2 / 50))

@@ -42,6 +42,7 @@ from rverror.tolerances.distribution import OUTSIDE
 LEVEL = 0.01
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
+_SUSPECTED = 0.5  # share of sound lots with a unit as far away, below which it is left out of the estimate
 _ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
 _MEMBERS = 400  # units that show what a member may be
@@ -62,6 +63,7 @@ class _Cleaned:
     values: Array
     members: npt.NDArray[np.bool_]
     kept: npt.NDArray[np.bool_]  #: those that the processes are told from
+    suspects: tuple[str, ...] = ()  #: members that are left out as they are far from the others
     outsiders: tuple[Outsider, ...] = ()
     gross: tuple[Outsider, ...] = ()  #: those of them that their own equilibrium tells
     differences: tuple[Difference, ...] = ()
@@ -158,8 +160,10 @@ def lot(
 
 
 def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
-    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
+    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum()) - len(cleaned.suspects)
     notes = list(amplitudes.notes)
+    if cleaned.suspects:
+        notes.append(f"far from the other units, and left out of the estimate: {', '.join(cleaned.suspects)}")
     if count < members:
         notes.append(f"told from {count} of {members} units: those without the differences and changes that are named")
     if not amplitudes.marked:
@@ -191,8 +195,9 @@ def _clean(
     has settled and the members are the same as before, or no other estimate follows.
 
     Groups and changes are those of the units that were members before.  Units with either are left out of the
-    estimate, where enough remain: influences of the first order do not take all of it off.  Where units by themselves
-    would be more than a fifth, they are the lot, and none is named.
+    estimate, where enough remain: influences of the first order do not take all of it off.  Suspects are left out too,
+    lest gross errors widen a process until they are its members.  Where units by themselves would be more than a fifth,
+    they are the lot, and none is named.
     """
     amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
     candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
@@ -220,16 +225,21 @@ def _clean(
     unchanged = np.zeros(len(values), np.bool_)
     unchanged[ends[part.start] : ends[part.stop]] = True
 
-    def cleaned(odd: Sequence[Outsider], gross: tuple[Outsider, ...]) -> _Cleaned:
-        told = {one.serial: one for one in (*odd, *gross)}
-        some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= _SPOILT * len(values) else ()
-        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
-        kept = alike & members & unchanged
-        enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
-        return _Cleaned(left, members, kept if enough else members, some, gross, groups, changes)
+    suspects = _outsiders(simulator, left, unchanged, estimate, seed)
+    odd = [one for one in suspects if one.chance < LEVEL / (1 + amplitudes.marked)]  # half for their own equilibrium
 
-    odd = _outsiders(simulator, left, unchanged, estimate, seed)
-    found = cleaned(odd, before.gross)
+    def cleaned(gross: tuple[Outsider, ...]) -> _Cleaned:
+        told, most = {one.serial: one for one in (*odd, *gross)}, _SPOILT * len(values)
+        some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= most else ()
+        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
+        far = sorted({one.serial for one in suspects} - told.keys())
+        far = far if len(told) + len(far) <= most else []
+        near = members & ~np.isin(amplitudes.serials, far)
+        kept = alike & near & unchanged
+        enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
+        return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, groups, changes)
+
+    found = cleaned(before.gross)
     if not amplitudes.marked or not (last or (settled and found.same == before.same)):
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
@@ -241,7 +251,7 @@ def _clean(
         np.einsum("ud,de,ue->u", away, weight, away),
         LEVEL / 2,
     )
-    return cleaned(odd, (*before.gross, *more))
+    return cleaned((*before.gross, *more))
 
 
 def _centred(values: Array) -> Array:
@@ -251,7 +261,7 @@ def _centred(values: Array) -> Array:
 def _outsiders(
     simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
 ) -> tuple[Outsider, ...]:
-    """Some units that are no members, by influences of the first order and all in all.
+    """Some units that may be no members, by influences of the first order and all in all.
 
     After a change what is left of it would make its units no members.
     """
@@ -266,7 +276,7 @@ def _outsiders(
         estimate.draws.influence,
         simulator.parts,
         marked=marked,
-        level=LEVEL / (1 + marked),  # the other half is for those that their own equilibrium tells
+        level=_SUSPECTED,
     )
 
 

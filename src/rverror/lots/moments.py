@@ -23,7 +23,7 @@ _SMALL = 4.0  # times the least: below it the slope is that of a vanishing size,
 _ROUNDS = (4, 8)  # with weights that follow the state; and steps at most with weights that are kept
 _ROUGH = 4  # every such unit is drawn in these first rounds, which only come near
 _NARROW = 0.01  # of the statistics' variance: what some hundred units tell of a direction is not known better
-_RENEWALS = 2  # of the weights, until the state stays
+_RENEWALS = (2, 4)  # of the weights, until the state stays: at most, of a first estimate, and of one that begins nearer
 _SETTLED = 0.1  # fall of the objective, a chi-square
 _STEP = 4.0  # times which a variance changes in one step
 _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
@@ -175,7 +175,7 @@ class MomentMatching:
             self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
             state = self._stepped(state, distance, weights, 0.3)
         draws = self.simulator.draws(state, self.standard)
-        for renewal in range(_RENEWALS):
+        for renewal in range(_RENEWALS[again]):
             before, weight = state, self._weight(state)
             weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
             state, draws, distance = self._settled(state, draws, weights)
@@ -183,6 +183,10 @@ class MomentMatching:
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
+        else:  # by weights of another state errors are those of another one too
+            weight = self._weight(state)
+            weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
+            distance = self._distance(draws, state, weights)
         return self._told(state, draws, distance, weights, weight)
 
     def _settled(self, state: State, draws: Draws, weights: _Weights) -> tuple[State, Draws, _Distance]:
