@@ -107,10 +107,10 @@ def _budget(options: argparse.Namespace) -> None:
     """
     model, tolerances = _read(options)
     if options.speed is not None:
-        _refuse(options, _AT_LOAD, "units at the load stand still; leave it out, or leave out --speed")
+        _refuse(options, _AT_LOAD, "units under load stand still; leave it out, or leave out --speed")
     at_load = options.speed is None and any(_given(options, name) for name in ("at", *_AT_LOAD))
     if not at_load:
-        unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
+        unused = "no unit is solved under load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("yield", "loaded_units"), unused)
     limits = limits_of(options, model) if at_load else ()
     with ProgressLine() as progress:
@@ -227,7 +227,7 @@ def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
     level = _share(getattr(options, "yield", None))
     with refusing(f"{options.model}: "):
-        unit = reducer_of(model.mechanism, "a limit at the load")
+        unit = reducer_of(model.mechanism, "a limit under load")
     torques: list[float | TorqueLaw] = [*_torques(options)]
     if _given(options, "arm"):
         torques.append(arm(options.arm))
