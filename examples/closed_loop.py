@@ -1,5 +1,5 @@
 # %% [markdown]
-# # From a bench run to the missing effect
+# # From a bench run to the missing cause
 #
 # The example that `rverror demo` ships: an RV-40E as declared by its shop floor, and two simulated test-bench runs.
 # They hold one effect that is not declared.

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # From an unexplained order to an effect of your own
+# # From an unexplained order to an error source of your own
 #
 # An RV-40E on a bench whose load is a torque motor.  The runs hold an order that no source of the catalogue has.  It is
 # described first, then explained: one function, one entry.

@@ -244,9 +244,9 @@ _CATALOGUE_HEAD = """# Catalogue of error sources
 
 Every source that rverror knows, written from the registry (`python docs/_ext/catalogue_tables.py`); a test compares
 the two. Orders are per output turn of an RV-40E with two discs, the first few of those that diagnosis tries; "-" where
-the closed form holds no order: a constant, or nothing. h is the harmonic. Directions, frames and signs:
-[conventions](conventions.md). How a source turns into output error: [the principle](theory/principle.md). The texts
-that references name by number: [bibliography](bibliography.md).
+the closed form holds no order: a constant, or nothing. h is the harmonic. A source turns with the part that it is
+"fixed in". Directions, frames and signs: [conventions](conventions.md). How a source becomes output error:
+[the principle](theory/principle.md). The texts that references name by number: [bibliography](bibliography.md).
 """
 
 _SOURCES_HEAD = r"""## Each source

@@ -1081,12 +1081,13 @@ def table() -> tuple[Row, ...]:
     )
 
 
-_HEAD = """# Ledger of the sources
+_HEAD = """# Ledger of the published texts
 
-What the five source texts print, what their own formulas give, and what rverror gives instead. Numbers that no source
-prints are computed by `docs/_ext/ledger.py`; this page is its output (`python docs/_ext/ledger.py`) and a test compares
-the two. What the texts are: [bibliography](bibliography.md). Figures are for the RV-40E and errors of 5 um unless a row
-says otherwise; "constant" is a shift of the output that does not change over the turn, positive where the output leads.
+What five published texts print, what their own formulas give, and what rverror gives instead. A text is called a source
+here; error sources are in the [catalogue](catalogue.md). Numbers that no source prints are computed by
+`docs/_ext/ledger.py`; this page is its output (`python docs/_ext/ledger.py`) and a test compares the two. What the
+texts are: [bibliography](bibliography.md). Figures are for the RV-40E and errors of 5 um unless a row says otherwise;
+"constant" is a shift of the output that does not change over the turn, positive where the output leads.
 
 A figure "as printed" takes the source's own formula, frame and ratio. One of rverror is the closed form: rigid
 bearings, equal contact stiffness, forward motion under load. A verdict begins with: reproduced; corrected (the right

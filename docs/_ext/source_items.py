@@ -574,7 +574,7 @@ ITEMS: tuple[Item, ...] = (
         "corrected",
         "an inertia of the load, not printed, decides what it winds up; braking opens contacts, which is not solved, "
         "and no windup makes the mean ratio",
-        held=("published 003 start and stop", "theory/dynamics.md#running-up"),
+        held=("published 003 start and stop", "theory/dynamics.md#run-up"),
         tests=("dynamics/test_running_up.py",),
     ),
     Item(
@@ -884,7 +884,7 @@ ITEMS: tuple[Item, ...] = (
     ),
 )
 
-_HEAD = """# Every equation, figure and table of the sources
+_HEAD = """# Every equation, figure and table of the published texts
 
 The five texts from beginning to end: each equation, each table and each figure has one row with one verdict, and each
 number of the prose stands in a row.

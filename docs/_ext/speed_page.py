@@ -242,7 +242,7 @@ def picture(name: str) -> str:
 
 TEMPLATE = """# From part errors to the error at speed
 
-A worked RV-40E: which orders its part errors make, which natural frequency they meet at which speed, and what to do
+An RV-40E: which orders its part errors make, which natural frequency they meet at which speed, and what to do
 about it. The equations are those of [dynamics](dynamics.md); every number here is computed by
 `docs/_ext/speed_page.py`, which writes this page (`python docs/_ext/speed_page.py`).
 

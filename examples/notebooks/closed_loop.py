@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # From a bench run to the missing effect
+# # From a bench run to the missing cause
 #
 # You will learn the whole loop on one RV-40E: declare what is known of its parts, read two bench runs, look at what
 # the declared model leaves, let `rverror.diagnose` name the cause, weigh it against the other candidates, compare
@@ -163,5 +163,5 @@ for name, one in (("declared", model), ("new", found.model)):
 #   reverse](forward_and_reverse.py).
 # - Take an effect out of the model, `replace(model, effects=model.effects[1:])`, and let the runs bring it back.
 # - Your own files: [reading your bench's files](your_bench_files.py). An order that nothing explains: [from an
-#   unexplained order to an effect](unexplained_order.py).
+#   unexplained order to an error source of your own](unexplained_order.py).
 # - From the shell: `rverror diagnose model.toml forward.csv reverse.csv --report found.html --save new-model.toml`.

@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # From a lot of measured units to the processes that made them
+# # From the measured units of a lot to the processes that made them
 #
 # You will learn how a folder of measured units becomes a statement about the workshop: how much each process varies,
 # with what certainty, whether the drawing's tolerance leaves room for it, and what the next units will be like.

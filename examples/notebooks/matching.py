@@ -135,8 +135,8 @@ found.plot()
 # fit there no other way.
 
 # %%
-(folder / "units.csv").write_text(rverror.views.to_csv(found, units=True))
-print((folder / "units.csv").read_text().splitlines()[1])
+(folder / "assembly.csv").write_text(rverror.views.to_csv(found, units=True))
+print((folder / "assembly.csv").read_text().splitlines()[1])
 
 # %% [markdown]
 # Each unit has its model, with the errors of its parts, for any other calculation: here the error by the
@@ -153,4 +153,4 @@ print(f"{np.ptp(state.transmission_error) / ARCSEC:.1f} arcsec, in the list {fir
 # - Add the lost motion: a second limit, `rverror.limit("lost_motion", "200 arcsec", torque="5 N*m")`.
 # - Leave out a third of the discs: the fewest parts say how many units can be made, the others stay.
 # - Add measured rollers, parts of the kind `roller`: each is placed in the groove where it does most good.
-# - The same from the shell: `rverror match parts.csv --model unit.toml --limit "50 arcsec" --save units.csv`.
+# - The same from the shell: `rverror match parts.csv --model unit.toml --limit "50 arcsec" --save assembly.csv`.

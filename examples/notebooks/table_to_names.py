@@ -212,8 +212,8 @@ for line in found.unexplained:
 place.cleanup()
 
 # %% [markdown]
-# How such an order becomes an effect of your own is told in
-# [from an unexplained order to an effect](unexplained_order.py).
+# How such an order becomes an error source of your own is told in
+# [from an unexplained order to an error source of your own](unexplained_order.py).
 #
 # ## The same on a reducer that others measured
 #

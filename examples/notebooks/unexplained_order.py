@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # From an unexplained order to an effect of your own
+# # From an unexplained order to an error source of your own
 #
 # You will learn what to do with an order that no source of the catalogue has: read the clues in its frame, its load
 # and its direction, describe it, then write the effect that explains it, and find out on a run that no fit has seen

@@ -239,4 +239,4 @@ temporary.cleanup()
 # - Your own file: `rverror read YOUR.csv --draft -o bench.toml`, fill in, `rverror read YOUR.csv --mapping
 #   bench.toml`, and `rverror diagnose model.toml YOUR.csv --mapping bench.toml`.
 # - [A bench's own files](../../docs/bench-files.md): every key of a mapping, and every refusal with its remedy.
-# - What the diagnosis prints and draws: [the closed loop](closed_loop.py).
+# - What the diagnosis prints and draws: [from a bench run to the missing cause](closed_loop.py).

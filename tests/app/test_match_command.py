@@ -104,7 +104,7 @@ def test_a_unit_of_the_list_is_the_one_that_was_verified(tmp_path, monkeypatch, 
         ["--unit", "1", "--units", "units.csv", "--place", "disc=D0,D1"],
     ):
         assert main(["parts", "parts.csv", "--model", "unit.toml", *wrong, "-o", "other.toml"]) == 2
-        assert "--units UNITS.csv and --unit N go together" in capsys.readouterr().err
+        assert "--units ASSEMBLY.csv and --unit N go together" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

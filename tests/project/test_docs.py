@@ -123,7 +123,7 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
         assert program == "rverror"
         assert main(arguments) == 0
     printed = capsys.readouterr().out
-    shown = page.partition("Some seconds later:\n\n```text\n")[2].partition("```")[0]
+    shown = page.partition("here shortened:\n\n```text\n")[2].partition("```")[0]
     for line in shown.splitlines():
         # times and the last digits may differ from machine to machine
         words, all_words = (" ".join(re.sub(r"[-\d.,\[\]]+", "#", some).split()) for some in (line, printed))
@@ -133,7 +133,7 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
     assert rverror.load_model(tmp_path / "measured.toml").effects[0].uncertainty == pytest.approx(5e-4)
     assert (tmp_path / "found.html").stat().st_size > 10_000
     # what the sections after it say of their results
-    assert "shaft.eccentricity" in (tmp_path / "lot-found" / "summary.csv").read_text(encoding="utf-8")
+    assert "shaft.eccentricity" in (tmp_path / "units-found" / "summary.csv").read_text(encoding="utf-8")
     (peak,) = re.findall(r"Critical speeds\n-+\nspeed, rpm .*\n +(\S+) +78 +\S+ +(\S+) +\S+ +\S+\n", printed)
     assert float(peak[0]) == pytest.approx(1690, abs=5)
     assert float(peak[1]) == pytest.approx(16, abs=0.5)

@@ -110,7 +110,7 @@ def test_text_and_progress_of_a_budget_at_the_load() -> None:
     said: list[str] = []
     options = {"index_count": 64, "torque": "412 N*m", "loaded_count": 16, "progress": said.append}
     found = rverror.error_budget(model, cams, count=512, **options)
-    for start in ("closed form", "512 virtual units: 100 %", "Sobol indices: 100 %", "16 units at the load: 100 %"):
+    for start in ("closed form", "512 virtual units: 100 %", "Sobol indices: 100 %", "16 units under load: 100 %"):
         assert any(line.startswith(start) for line in said)
     text = rverror.to_text(found, limit=20 * ARCSEC)
     assert "512 virtual units" in text

@@ -90,7 +90,8 @@ def parser_of(name: str) -> argparse.ArgumentParser:
     known = set(chain.from_iterable(COMMANDS.values()))
     parser = _Parser(
         prog="rverror",
-        description="Predict the output error of RV reducers from part errors, and find the causes of a measured one.",
+        description="Predict the output error (transmission error) of RV reducers from part errors, and find "
+        "the causes of a measured output error.",
     )
     parser.add_argument("--version", action="version", version=f"rverror {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")

@@ -75,7 +75,7 @@ def _angles(count: int) -> dict[str, Any]:
         **_OF_FRICTION,
         "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
         "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
-        "--direction": choice(WAYS, "forward", "direction (default forward)"),
+        "--direction": choice(WAYS, "forward", "of motion (default forward)"),
         **PHASES,
         **{
             f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {what}", size=dimension)
@@ -140,7 +140,7 @@ def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     },
 )
 def _hysteresis(options: argparse.Namespace) -> None:
-    """Loop of the torsion curve, input held.
+    """Hysteresis loop of the torsion, input held.
 
     Computes how far the output turns as the torque on it rises and falls with the input held: the width of the loop
     and the lost motion.

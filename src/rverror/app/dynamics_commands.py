@@ -22,7 +22,7 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
     options={
         **_STATE,
         "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-        **results(plot="the shape of the lowest mode of the machine"),
+        **results(plot="the shape of the lowest mode of the gear train"),
     },
 )
 def _modes(options: argparse.Namespace) -> None:
@@ -51,7 +51,7 @@ def _speeds(options: argparse.Namespace) -> None:
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
     frequency. Orders are per output turn and reach up to half the samples of a turn (order 2048 for an RV-40E). Higher
-    orders alias: 976, 584 and 1952 are orders 3120, 4680 and 6240 of its cycloid mesh.
+    ones alias: 3120, 4680 and 6240 of its cycloid mesh appear at 976, 584 and 1952.
     """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)

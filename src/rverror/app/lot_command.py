@@ -49,13 +49,11 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         "parts": option(
             "FOLDER",
             "folder in which each subfolder with runs is a unit (units.csv, if there is one, gives order and labels), "
-            "or a file that --compress wrote; several are one lot",
+            "or a file that --compress wrote; all given form one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option(
-            "TOL.toml", "tolerances of the drawing: which processes to estimate, and Cp, Cpk", reads=True
-        ),
+        "--tolerances": option("TOL.toml", "drawing tolerances: select the processes, and give Cp, Cpk", reads=True),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
@@ -77,7 +75,7 @@ def _lot(options: argparse.Namespace) -> None:
     """Scatter of each manufacturing process, or orders common to many drives, from measured units.
 
     Estimates from the runs of many finished units the scatter and the systematic error of each manufacturing process,
-    and names outliers: units whose errors no such scatter makes.
+    and names outliers: units whose errors do not fit that scatter. For drives it finds the orders that all share.
     """
     if options.compress is not None and len(options.outputs) > 1:
         raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")

@@ -27,7 +27,7 @@ from rverror.views.report import to_csv
 
 
 @command(
-    example='parts.csv --model unit.toml --limit "30 arcsec" --save units.csv',
+    example='parts.csv --model unit.toml --limit "30 arcsec" --save assembly.csv',
     options={
         "parts": option("PARTS", "tables of parts, or files of measuring machines", reads=True, nargs="+"),
         "--model": option(
@@ -40,20 +40,20 @@ from rverror.views.report import to_csv
         "--turns": flag("discs may be assembled turned by one or more crank spacings, and a sun at any tooth"),
         "--cost": option(
             "matching=2.5",
-            f"cost of a way of assembly for each unit built by it; repeat it for others ({', '.join(WAYS)})",
+            f"cost per unit of a method ({', '.join(WAYS)}: docs/theory/matching.md); repeat it for more",
             action="append",
             default=[],
         ),
         "--seed": number("seed of the random assemblies (default 0)", default=0),
         **results(),
-        **save("UNITS.csv", "write the list for the assembly shop, a row for each unit"),
+        **save("ASSEMBLY.csv", "write the list for the assembly shop, a row for each unit"),
     },
 )
 def _match(options: argparse.Namespace) -> None:
     """Which measured parts to assemble so that most units meet their limits.
 
     Chooses from stocks of measured parts which to assemble and in which position, so that as many units as possible
-    meet their limits, and compares that with parts taken at random.
+    meet their limits, and compares that with parts taken at random. Files of parts: see docs/measured-parts.md.
     """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")

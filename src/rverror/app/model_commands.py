@@ -44,12 +44,14 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         **MODEL,
         "--points": number("samples per output turn (default: enough for the mesh orders, 4096 for an RV-40E)"),
         "--revolutions": number("output turns (default 1)", default=1),
-        "--torque": option('"20 N*m"', "output torque; repeat it for more runs", size="torque", action="append"),
+        "--torque": option(
+            '"20 N*m"', "output torque (default none); repeat it for more runs", size="torque", action="append"
+        ),
         **arm_option("a weight in place of a torque", "; the run has a column output_torque"),
         "--method": choice(
-            ("closed", "equilibrium"), "closed", "closed form (default), or under load, where contacts may separate"
+            ("closed", "equilibrium"), "closed", "closed form (default), or under --torque, where contacts may separate"
         ),
-        "--direction": choice(WAYS, "forward", "direction (default forward)"),
+        "--direction": choice(WAYS, "forward", "of motion (default forward)"),
         "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),
         "--noise-correlation": option(
             '"2 deg"', "output angle over which the noise is correlated (default: white)", dest="correlation"
@@ -68,8 +70,8 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
 def _simulate(options: argparse.Namespace) -> None:
     """Compute a run from a model file.
 
-    Computes the output error of the unit that a model file describes and writes it as a run file, as a test bench
-    would record it.
+    Computes the output error (transmission error) of the unit that a model file describes and writes it as a run file,
+    as a test bench would record it.
     """
     model = load_model(options.model)
     torques: list[float | GravityArm | None] = list(options.torque or ())
@@ -116,8 +118,8 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 
-    Lists all error sources that rverror knows: key, parameters, the part in which each is fixed, and the orders
-    that it makes.
+    Lists all error sources that rverror knows: key, parameters, the part that each turns with ("fixed in"), and the
+    orders that it makes.
     """
     rows = [_source_json(entry) for entry in CATALOGUE.values()]
     if options.json:

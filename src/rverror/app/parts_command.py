@@ -26,7 +26,7 @@ from rverror.parts.unit import mounted_parts, places_in_list, unit_error, unit_o
         "--draft": flag("write a draft of the mapping for the first file instead"),
         "--place": option("disc=D17,D18", "which serial number goes where", nargs="+", default=[]),
         "--units": option(
-            "UNITS.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
+            "ASSEMBLY.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
         ),
         "--unit": number("number of the unit in that list"),
         **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of the unit built of them"),
@@ -36,7 +36,7 @@ def _parts(options: argparse.Namespace) -> None:
     """Errors of measured parts, from files of measuring machines.
 
     Reads the files of measuring machines and writes the errors of the parts, as a table of parts or as the model of
-    the unit built of them. A mapping says which column is which error; --draft writes a first version of it.
+    the unit built of them. A mapping (docs/measured-parts.md) says which column is which error; --draft begins one.
     """
     target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:
@@ -46,7 +46,7 @@ def _parts(options: argparse.Namespace) -> None:
             f"-o {target}: give PARTS.csv, a table of parts, or UNIT.toml, a unit with its parts by --place"
         )
     if (options.units is None) != (options.unit is None) or (options.units and (options.place or suffix == ".csv")):
-        raise InputError("--units UNITS.csv and --unit N go together, with -o UNIT.toml and without --place")
+        raise InputError("--units ASSEMBLY.csv and --unit N go together, with -o UNIT.toml and without --place")
     given: tuple[dict[str, tuple[str, ...]], dict[str, tuple[int, ...]]] = (_places(options.place), {})
     places, turns = places_in_list(options.units, options.unit) if options.units else given
     model = load_model(options.model)

@@ -33,13 +33,13 @@ _FILES = ("case.npz", "case.json")
     example="--output cases --case one-cam",
     options={
         **output("FOLDER", "where to write; each case has a folder in it", writes=False, required=True),
-        "--case": option("NAME", "write only this case; repeat it for more", action="append", default=[]),
+        "--case": option("NAME", "one case (docs/test-your-tool.md); repeat it for more", action="append", default=[]),
     },
 )
 def _reference_cases(options: argparse.Namespace) -> None:
     """Write cases with known answers to test other tools against.
 
-    Writes cases with known answers, one folder each: the model, and its output error by rverror.
+    Writes cases with known answers, one folder each: the model, and its waveforms, influences and contact forces.
     """
     cases = pick(options.case)
     folders = [Path(options.output) / case.name for case in cases]
@@ -70,9 +70,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml",
-            "model file whose [bench.encoders] describes the encoders of the bench, for the uncertainty of the run",
-            reads=True,
+            "MODEL.toml", "for a measured THEIR.csv: [bench.encoders] here gives the run's uncertainty", reads=True
         ),
         **results(),
     },

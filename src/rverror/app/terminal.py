@@ -145,7 +145,7 @@ WIDTHS: Mapping[str, Option] = {
     "--gear-width": option('"8 mm"', "common face width of sun and planet gear", size="length", required=True),
 }
 WAYS: Mapping[str, tuple[float, ...]] = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
-WAY: Mapping[str, Option] = {"--direction": choice(("forward", "reverse"), "forward", "direction (default forward)")}
+WAY: Mapping[str, Option] = {"--direction": choice(("forward", "reverse"), "forward", "of motion (default forward)")}
 
 
 @dataclass(frozen=True)

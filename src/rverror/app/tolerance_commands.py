@@ -47,10 +47,10 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = (
-        f"output torques under which the transmission error is limited (default: the rated torque and 20 N*m){beside}"
+        f"output torques of the transmission error under load (default, if computed: rated torque and 20 N*m){beside}"
     )
     return {
-        "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission error, peak-to-peak"),
+        "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
         "--backlash": _limit("backlash", "60 arcsec", "limit of the backlash, the play without load"),
         "--at --torque": option('"20 N*m,412 N*m"', torques),
@@ -68,7 +68,7 @@ _LIMITS = {
         "100 N*m/arcmin",
         "lower limit of the torsional stiffness between 50 and 100 %% of the rated torque",
     ),
-    **arm_option("a weight as a load of the transmission error"),
+    **arm_option("a weight as a load, for the transmission error only"),
     "--yield": option('"99 %"', "required yield: share of the units that must meet the limits (default 99 %%)"),
 }
 
@@ -76,7 +76,7 @@ _LIMITS = {
 def _inputs(*, plot: str) -> dict[str, Option]:
     return {
         **MODEL,
-        "tolerances": option("TOLERANCES.toml", "tolerance file: widths, distributions and costs", reads=True),
+        "tolerances": option("TOLERANCES.toml", "widths, distributions, costs: see docs/theory/budget.md", reads=True),
         **WAY,
         "--speed": option(
             '"600 rpm"',
@@ -95,21 +95,22 @@ def _inputs(*, plot: str) -> dict[str, Option]:
         **_inputs(plot="contributions and the distribution"),
         **_LIMITS,
         "--units": number("virtual units (default 65536)", least=1, default=COUNT),
-        "--loaded-units": number("with --at: virtual units solved under load (default 2000)", least=1),
+        "--loaded-units": number("virtual units computed under load, if any (default 2000)", least=1),
     },
 )
 def _budget(options: argparse.Namespace) -> None:
-    """Distribution and yield of the error that tolerances cause.
+    """Distribution of the error that tolerances cause, and yield.
 
-    Computes the output error that part tolerances cause: the contribution of each, the peak-to-peak of many
-    virtual units, and with --at how many units solved under load stay within the limits.
+    Computes the output error that part tolerances cause: the contribution of each and, in closed form, the peak-to-peak
+    of many virtual units. With --at, --arm, --lost-motion, --backlash or --stiffness it also computes units under load,
+    and how many stay within the limits.
     """
     model, tolerances = _read(options)
     if options.speed is not None:
-        _refuse(options, _AT_LOAD, "units at the load stand still; leave it out, or leave out --speed")
+        _refuse(options, _AT_LOAD, "units under load stand still; leave it out, or leave out --speed")
     at_load = options.speed is None and any(_given(options, name) for name in ("at", *_AT_LOAD))
     if not at_load:
-        unused = "no unit is solved at a load; leave it out, or give --at '20 N*m'"
+        unused = "no unit is solved under load; leave it out, or give --at '20 N*m'"
         _refuse(options, ("yield", "loaded_units"), unused)
     limits = limits_of(options, model) if at_load else ()
     with ProgressLine() as progress:
@@ -136,18 +137,18 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "load (default): share of units solved under load; yield: quantile of the peak-to-peak in closed form, all "
-            "contacts closed (default for a drive and with --speed); worst: its worst case in closed form",
+            "what is limited: load (default): units computed under load; yield: quantile of the peak-to-peak in closed "
+            "form, contacts closed (default for a drive and with --speed); worst: the worst case in closed form",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),
     },
 )
 def _allocate(options: argparse.Namespace) -> None:
-    """The tolerances of least cost within limits.
+    """The cheapest tolerances that keep units within limits.
 
-    Finds the tolerances of least cost that keep the output error, lost motion or stiffness of a given share of
-    units within limits, and verifies them on units solved under load.
+    Finds the cheapest tolerances that keep the output error, lost motion or stiffness of a given share of units
+    within limits, and verifies them on units computed under load.
     """
     model, tolerances = _read(options)
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):
@@ -226,7 +227,7 @@ def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
     """Limits at the load: of the transmission error at each torque, and of what makers sell by."""
     level = _share(getattr(options, "yield", None))
     with refusing(f"{options.model}: "):
-        unit = reducer_of(model.mechanism, "a limit at the load")
+        unit = reducer_of(model.mechanism, "a limit under load")
     torques: list[float | TorqueLaw] = [*_torques(options)]
     if _given(options, "arm"):
         torques.append(arm(options.arm))

@@ -41,10 +41,9 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient of all bodies, or of one as 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
-            "of a bearing or the spline the clearance gained per load and turn, "
-            f"'spline=1e-8 um/kN' ({', '.join(JOINTS)}). "
-            "Repeat it for more",
+            f"Archard's wear coefficient of all bodies, or of one, 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
+            "or the clearance that a crank's bearing (in disc, in carrier) or spline gains per load and turn, "
+            f"'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Repeat it for more",
             action="append",
             required=True,
         ),
@@ -57,7 +56,7 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         ),
         **WIDTHS,
         "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
-        "--direction": choice(("both", *DIRECTIONS), "both", "direction of the duty (default both)"),
+        "--direction": choice(("both", *DIRECTIONS), "both", "of motion (default both)"),
         **results(plot="error and lost motion over the hours"),
         **save("NEW.toml", "write the model of the worn unit"),
     },

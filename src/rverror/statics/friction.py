@@ -214,7 +214,7 @@ def efficiency(
 
 @dataclass(frozen=True, kw_only=True)
 class Hysteresis(Viewed):
-    """Loop of the torsion curve: turn of the output under a torque that rises or falls, input held.
+    """Hysteresis loop: turn of the output under a torque that rises or falls, input held.
 
     Attributes
     ----------

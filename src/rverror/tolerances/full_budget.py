@@ -182,7 +182,7 @@ def error_budget(
     if limits:
         if loaded_count < _FEWEST:
             raise InputError(
-                f"count = {loaded_count}: too few units at the load for an interval; give {_FEWEST} or more"
+                f"count = {loaded_count}: too few units under load for an interval; give {_FEWEST} or more"
             )
         loaded = loaded_units(model, tolerances, limits, direction=direction)
         width, drawn_by = loaded.stack.width, loaded.stack.variate_entry

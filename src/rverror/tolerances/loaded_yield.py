@@ -236,7 +236,7 @@ def verified(
     Verified
     """
     drawn = standard_draws(units.stack, count, seed=seed, stream=stream)
-    what = "units in closed form" if isinstance(units, ClosedFormUnits) else "units at the load"
+    what = "units in closed form" if isinstance(units, ClosedFormUnits) else "units under load"
     found = units.solved(drawn, widths, decide=decide, progress=counted(progress, what, count))
     known = np.isfinite(found.turns)
     rows = []

@@ -207,7 +207,7 @@ def _limited_by(found: Allocation) -> str:
 def within(found: Allocation) -> str:
     """What an allocation is for, to stand behind "least cost"."""
     if found.limit is None:
-        return f"at which {100 * found.level:g} % of the units meet all limits at the load"
+        return f"at which {100 * found.level:g} % of the units meet all limits under load"
     return f"for {_limited_by(found)} within {found.limit / ARCSEC:.4g} arcsec{at_input_speed(found.speed)}"
 
 
@@ -347,7 +347,7 @@ def _error_budget_table(result: ErrorBudget, *, limit: Any | None = None) -> Tab
             if found is not None:
                 variables |= _sobol(name, found, "total", order, [True] * len(order))
         about["units_without_equilibrium"] = "\n".join(loaded.verified.failures)
-        sentences += [*yield_words(loaded.verified), "Worst parts: those of the closed form, solved at the load."]
+        sentences += [*yield_words(loaded.verified), "Worst parts: those of the closed form, solved under load."]
     return Table(
         {**variables, **_of_angles(closed)},
         about,

@@ -151,6 +151,6 @@ def test_a_frequency_is_tied_to_the_mode_that_makes_it(table: OrderTable, correc
 
 def test_what_is_told_of_natural_frequencies(corrected: Diagnosis) -> None:
     text, page = rverror.to_text(corrected), rverror.to_html(corrected)
-    for words in ("Natural frequencies that orders show over the speed", "78, 156", "near a critical speed"):
+    for words in ("Natural frequencies from orders against speed", "78, 156", "near a critical speed"):
         assert words in text
         assert words in page

@@ -140,7 +140,7 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
     ax.axvline(100, color=_LIMIT, lw=0.8)
     return labelled(
         ax,
-        f"{loaded.limits[0].units} units at the load, contacts that open included",
+        f"{loaded.limits[0].units} units under load, contacts that open included",
         *_unit(found),
         x="share of the limit (of the P99 where there is no limit), %",
         y="units at or below, %",

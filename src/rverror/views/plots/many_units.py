@@ -184,5 +184,5 @@ def matched_errors(found: Matched, *, ax: Axes | None = None) -> Axes:
         share = np.arange(1, known.size + 1) / one.errors.size
         ax.step(100 * known, 100 * share, where="post", label=one.name, **style.line_style(number))
     ax.axvline(100, color=style.GREY, lw=1, ls=":")
-    x = "error at the load over the limit, %"
+    x = "error under load over the limit, %"
     return labelled(ax, "Ways to assemble", plain(found.model), x=x, y="units, %", ylim=(0, 102), legend="beside")

@@ -76,7 +76,7 @@ def _over_speed(cases: Sequence[OrderCase], passports: Sequence[OrderPassport], 
             speed, size = np.array(sorted(points)).reshape(-1, 2).T
             ax.plot(SPEED.of(speed), ANGLE.of(size), ms=4, lw=0.8, **_look(number, one.order, law.direction))
     x, y = "input speed, rpm", "amplitude, arcsec"
-    return labelled(ax, "orders over the speed", x=x, y=y, yscale="log", legend="beside")
+    return labelled(ax, "orders against speed", x=x, y=y, yscale="log", legend="beside")
 
 
 def passport_plot(passports: Sequence[OrderPassport], *, ax: Axes | None = None) -> Axes:

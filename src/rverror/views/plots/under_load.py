@@ -89,7 +89,7 @@ def loop(found: Hysteresis, *, rated: float | str | None = None, ax: Axes | None
     ax = axes_for(ax, height=5.0)
     ax.fill_between(torque, rising, falling, color=style.GREY, alpha=0.3, lw=0)
     lines(ax, torque, (("torque rises", rising), ("torque falls", falling)), marker="o", ms=3, lw=1.2)
-    return _torsion_axes(ax, "loop of the torsion curve", "mean", found.rising.shape[1], lost)
+    return _torsion_axes(ax, "hysteresis loop", "mean", found.rising.shape[1], lost)
 
 
 def _torsion_axes(ax: Axes, what: str, shown: str, angles: int, lost: tuple[Array, Array] | None) -> Axes:
