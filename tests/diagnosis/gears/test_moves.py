@@ -24,6 +24,7 @@ from rverror.model.effects import Effect, Model
 PROFILE = rverror.effect("cycloid.disc_profile", disc=1, harmonic=2, cos="4 um", sin="-3 um")
 PIN = rverror.effect("cycloid.pin_position", pin=5, radial="-12 um", tangential="10 um")
 PLAY = rverror.effect("crank.bearing_clearance", clearance="5 um")
+BORE = rverror.effect("cycloid.disc_bore_position", disc=0, crank=1, radial="5 um", tangential="3 um")
 
 
 def offer_of(*effects: Effect) -> Offer:
@@ -64,15 +65,19 @@ def test_places_that_only_contacts_tell_apart() -> None:
     assert sorted(int(e.indices["pin"]) for e in pins) == [4, 6, 13]
 
 
+@pytest.mark.parametrize("effect", [CAM, PIN, PROFILE, BORE], ids=str)
+def test_no_place_is_proposed_twice(effect: Effect) -> None:
+    """A sign of each of two indices makes the same sizes twice."""
+    found = [(named(e), e.values) for e in equivalents(effect, UNIT)]
+    assert len(found) == len(set(found))
+
+
 def test_what_shows_by_contacts_alone_may_be_its_opposite() -> None:
     """Only of causes that have starts, and never less than no clearance."""
     assert [e.values for e in equivalents(PROFILE, UNIT) if e.indices == PROFILE.indices] == [(-4e-3, 3e-3)]
     assert equivalents(PLAY, UNIT) == []
     encoder = rverror.effect("sensor.encoder_eccentricity", cos="20 arcsec")
     assert equivalents(encoder, UNIT) == []
-
-
-BORE = rverror.effect("cycloid.disc_bore_position", disc=0, crank=1, radial="5 um", tangential="3 um")
 
 
 @pytest.mark.parametrize("effect", [CAM, PROFILE, BORE], ids=str)

@@ -960,6 +960,26 @@ def test_a_rival_is_followed_where_its_promise_may_be_off_by_what_it_lacks(
     assert search.compare(best) == followed
 
 
+def test_what_promises_most_is_compared_once_it_took_three_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where jumps moved, a state at the size of a linear step says little of what that promised."""
+    search = read(HEAD)
+    model, root = search.root.fit.model, search.root
+    pins = [replace(PIN, indices={"pin": pin}) for pin in range(UNIT.pins)]
+    promising = Trial(model.with_effects(HEAD), root.score - 50, root)
+    others = [Trial(model.with_effects(pin), root.score - 10, root) for pin in pins]
+
+    def further(trial: Trial, score: object) -> Trial:
+        falls = (800.0, -300.0, -600.0) if trial.added == (HEAD,) else (0.0,)
+        return replace(trial, taken=trial.taken + 1, score=trial.score + dict(enumerate(falls)).get(trial.taken, 0.0))
+
+    ends = list[Trial]()
+    monkeypatch.setattr(Trial, "further", further)
+    monkeypatch.setattr(search, "_fit_all", ends.extend)
+    search._queue, search._rounds = [promising, *others], 1
+    assert search.race_each()
+    assert [trial.added for trial in ends] == [(HEAD,)]
+
+
 def test_every_end_of_a_race_that_comes_near_a_complete_set_is_fitted(right: Fit) -> None:
     """Half a turn on, the other crank and disc do the same: whichever ends a little ahead, both are fitted."""
     search = search_of(right, NEAR_CAMS)

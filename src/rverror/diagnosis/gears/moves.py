@@ -60,7 +60,7 @@ def equivalents(effect: Effect, unit: Mechanism) -> list[Effect]:
         indices = {index.name: value for index, (value, _) in zip(entry.indices, combined, strict=True)}
         sign = math.prod(s for _, s in combined)
         found.append(replace(effect, indices=indices, values=tuple(sign * v for v in effect.values)))
-    return found
+    return list({(named(other), other.values): other for other in found}.values())
 
 
 def started(effect: Effect) -> list[Effect]:

@@ -140,39 +140,44 @@ class Search:
         for size in range(1, self.policy.most_effects + 1):
             trials = self._promising(size)
             if trials:  # of one cause even beside a complete set: a line that completes it stands against causes
-                raced, chosen = True, set(map(id, trials))
-                self._queue = [trial for trial in self._queue if id(trial) not in chosen]
+                raced = True
                 self._queue += self.race(trials)
                 if self.complete(self._leader):
                     break
         return raced
 
     def _promising(self, size: int) -> list[Trial]:
-        """Trials of so many causes that may be the best of that number, and, where the first of them completed no set,
-        some that were not solved yet: of what bends a linear step promises too little.  These are left alone where more
-        causes leave no more than noise already: what is missing is then among those."""
+        """Trials, from the queue, of so many causes that may be the best of that number, and, where the first of them
+        completed no set, some that were not solved yet: of what bends a linear step promises too little.  These are
+        left alone where more causes leave no more than noise already: what is missing is then among those."""
         known = [one.score for one in self.known.values() if len(one.fit.added) == size]
         limit = min(known, default=math.inf) + _CLOSE * (self._width - 1)
         same = sorted((t for t in self._queue if len(t.added) == size), key=lambda t: t.score)
         first = distinct([trial for trial in same if trial.score <= limit], _TOGETHER)
         fits = any(len(one.fit.added) > size and one.fit.data <= one.fit.bound for one in self.known.values())
-        if fits or (not self._rounds and self._width == 1):
-            return first
-        chosen = set(map(id, first))
-        unsolved = [trial for trial in same if not trial.taken and id(trial) not in chosen]
-        return distinct([*first, *unsolved], len(first) + _LOOKED_AT)
+        more = 0 if fits or (not self._rounds and self._width == 1) else _LOOKED_AT
+        ahead = set(map(id, first))
+        unsolved = [trial for trial in same if not trial.taken and id(trial) not in ahead]
+        chosen = distinct([*first, *unsolved], len(first) + more)
+        self._queue = [trial for trial in self._queue if not any(trial is one for one in chosen)]
+        return [replace(trial, first=id(trial) in ahead) for trial in chosen]
 
     def race(self, trials: Sequence[Trial]) -> list[Trial]:
         """Take trials further, twelve once they are solved and half of them each time; the last are followed to their
-        end and fitted to every sample.  Those that fell behind are given back."""
+        end and fitted to every sample.  Those that fell behind are given back.
+
+        The first are compared once they took three steps: where jumps have moved, the solved one says little of what a
+        step promised.
+        """
         ends, behind, kept = list[Trial](), list[Trial](), 3 * _TOGETHER
         while trials:
-            further = sorted(self._all_further(trials), key=lambda trial: trial.score)
+            further = sorted(self._all_further(trials), key=lambda trial: (not trial.ahead, trial.score))
             ends += [trial for trial in further if trial.finished]
             going = [trial for trial in further if not trial.finished]
             kept = max(_TO_THE_END, kept // 2)
-            behind += going[kept:]
-            trials = going[:kept]
+            places = max(kept, sum(trial.ahead for trial in going) + kept // 2)
+            behind += going[places:]
+            trials = going[:places]
         ends.sort(key=lambda trial: trial.score)
         near = [trial for trial in ends if trial.score < ends[0].score + _CLOSE]
         self._fit_all(near[:1])

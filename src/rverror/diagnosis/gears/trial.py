@@ -32,6 +32,8 @@ class Trial:
         Its state on few angles.
     taken : int
         How often it was taken up.
+    first : bool
+        Whether it was among those that promised most when it was raced.
     """
 
     model: Model
@@ -39,6 +41,12 @@ class Trial:
     origin: Hypothesis
     fit: Fit | None = None
     taken: int = 0
+    first: bool = False
+
+    @property
+    def ahead(self) -> bool:
+        """Whether it is among the most promising, and took too few steps to be compared."""
+        return self.first and self.taken < len(_STEPS) - 1
 
     @property
     def added(self) -> tuple[Effect, ...]:
