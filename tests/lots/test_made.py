@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 import rverror
 from gear_runs import OTHER, TURN, UNIT, red
@@ -148,6 +149,18 @@ def test_the_noise_of_an_amplitude_is_told_beside_strong_parts() -> None:
     expected = (0.3 * ARCSEC) ** 2 / THETA.size
     assert found.noise == pytest.approx(np.full(found.noise.size, expected), rel=0.25)
     assert np.median(found.noise) == pytest.approx(expected, rel=0.06)
+
+
+def test_the_noise_of_an_amplitude_falls_with_the_order_as_coloured_noise_does() -> None:
+    """Of 120 units with e[t] = e[t-1]/2 + w[t]: the spectrum of an autoregression, at every third of the orders."""
+    theta, rms = TURN * np.arange(512) / 512, 0.3 * ARCSEC
+    rng = np.random.default_rng(5)
+    white = rng.normal(size=(120, 600)) * rms
+    coloured = scipy.signal.lfilter([1.0], [1.0, -0.5], white)[:, -512:]
+    found = amplitudes_of(MODEL, [LotUnit(f"{n:03}", (run(one, theta),)) for n, one in enumerate(coloured)])
+    expected = rms**2 / np.abs(1 - 0.5 * np.exp(-1j * TURN * found.orders / 512)) ** 2 / 512
+    ratio = found.noise[: found.orders.size] / expected
+    assert [float(np.median(some)) for some in np.array_split(ratio, 6)] == pytest.approx([1.0] * 6, abs=0.08)
 
 
 def test_units_without_a_run_of_each_condition_are_left_out_and_counted() -> None:
@@ -403,17 +416,22 @@ def test_without_marks_a_lot_is_told_whatever_the_zeros_of_its_units(both_ways: 
     assert "no systematic error" not in rverror.to_text(first)
 
 
-def test_spoilt_units_without_marks_are_found_and_the_intervals_of_the_others_hold() -> None:
-    """Two of 42, each with a bore that is far off."""
+def test_spoilt_units_without_marks_are_found_and_the_others_are_told_as_by_themselves() -> None:
+    """Two of 42, each with a bore that is far off, move sizes by less than a standard error and no interval's width."""
     spoilt = {
         40: rverror.effect("cycloid.disc_bore_position", disc=1, crank=0, tangential="-90 um"),
         41: rverror.effect("cycloid.disc_bore_position", disc=0, crank=1, tangential="80 um"),
     }
-    found = lot(MODEL, unmarked(made(9, 42, SPREAD, 1.0, spoilt=spoilt), 1), tolerances=TOLERANCES)
+    units = unmarked(made(9, 42, SPREAD, 1.0, spoilt=spoilt), 1)
+    found, alone = (lot(MODEL, some, tolerances=TOLERANCES) for some in (units, units[:40]))
     assert {one.serial for one in found.outsiders} == {"040", "041"}
     assert found.units == 40
     assert (found.differences, found.changes) == ((), ())
-    intervals_hold(found)
+    intervals_hold(alone)
+    for key in SPREAD:
+        (size, low, high), (expected, least, most) = sizes_of(found)[key], sizes_of(alone)[key]
+        assert size == pytest.approx(expected, abs=(most - least) / (2 * 1.96))
+        assert high - low == pytest.approx(most - least, rel=0.2)
 
 
 def test_gross_errors_of_one_kind_widen_no_process(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,6 +32,8 @@ _TURN = 2 * math.pi
 _QUARTER = 0.25  # of the orders about one: an RV-40E's parts make 7 of 38 about order 40, 3 of 17 about order 1
 _LEAST = 3  # units: of two that differ nobody can say which is the other's
 _WIDE, _LEAST_WIDE = 1.6, 16  # range about an order: that many times it, and so many orders at least
+_LOUDER = 4.0  # times the usual power over half of the orders: a unit of many orders has 0.5 to 2 by chance
+_FLAT = 8  # orders below which noise hardly falls: half of the least range, in which a fall cannot be told from parts
 
 
 @dataclass(frozen=True)
@@ -373,38 +375,31 @@ def variance_of(values: Array, *, marked: bool = True) -> Array:
 def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
     """Variance of each amplitude that noise makes: about an order, what a quarter of the orders there stay below.
 
-    Parts make few of the orders of a range; over all units a noise of the bench makes them alike.
+    Parts make few of the orders of a range; over all units a noise of the bench makes them alike, but for a fall with
+    the order: by some power of k^2 + 8^2, as of coloured noise that is flat at low orders.  Units whose orders all vary
+    more do not count: gross errors make what looks like noise.
     """
-    power = variance_of(values, marked=marked).reshape(1, conditions, 2, -1).mean(axis=2)
-    orders = np.arange(1, power.shape[2] + 1)
-    return np.tile(noise_about(power, orders, 2 * (len(values) - marked))[:, None], (1, 2, 1)).reshape(-1)
-
-
-def noise_about(power: Array, orders: npt.NDArray[np.intp], freedom: int, wide: int = _LEAST_WIDE) -> Array:
-    """What noise alone makes about each order: the lower quartile of powers there, over that of a chi-square.
-
-    Few strong orders and few series do not reach it.
-
-    Parameters
-    ----------
-    power : ndarray, shape (series, conditions, k)
-        Mean squares.
-    orders : ndarray of int, shape (k,)
-        Order 0 is left out.
-    freedom : int
-        Of each mean square.
-    wide : int
-        Orders to either side at least; above, those from 1 / 1.6 to 1.6 times the order.
-
-    Returns
-    -------
-    ndarray, shape (conditions, k)
-    """
-    below, found = chi_square(1 - _QUARTER, freedom) / freedom, np.empty(power.shape[1:])
+    squares = ((values - marked * np.median(values, axis=0)) ** 2).reshape(len(values), conditions, 2, -1).sum(axis=2)
+    usual = np.maximum(np.median(squares, axis=0), np.finfo(np.float64).tiny)
+    alike = np.median(squares / usual, axis=(1, 2)) < _LOUDER
+    power = variance_of(values[alike], marked=marked).reshape(conditions, 2, -1).mean(axis=1)
+    freedom, found = 2 * (int(alike.sum()) - marked), np.empty_like(power)
+    level, orders = np.log(np.maximum(power, np.finfo(np.float64).tiny)), np.arange(1, power.shape[1] + 1)
     for at, k in enumerate(orders):
-        near = (orders >= min(k / _WIDE, k - wide)) & (orders <= max(k * _WIDE, k + wide)) & (orders > 0)
-        found[:, at] = np.quantile(power[:, :, near], _QUARTER, axis=(0, 2)) / below
-    return found
+        near = (orders >= min(k / _WIDE, k - _LEAST_WIDE)) & (orders <= max(k * _WIDE, k + _LEAST_WIDE))
+        fall = np.log((orders[near] ** 2 + _FLAT**2) / (k**2 + _FLAT**2))
+        found[:, at] = [_lower_quartile(fall, one) for one in level[:, near]]
+    noise = np.exp(found) * freedom / chi_square(1 - _QUARTER, freedom)
+    return np.tile(noise[:, None], (1, 2, 1)).reshape(-1)
+
+
+def _lower_quartile(at: Array, values: Array) -> float:
+    """Where it is at 0, if it changes linearly: quantile regression, as a linear program's dual."""
+    rows = np.stack([np.ones_like(at), at])
+    program = scipy.optimize.linprog(
+        -values, A_eq=rows, b_eq=(1 - _QUARTER) * rows.sum(axis=1), bounds=(0, 1), method="highs"
+    )
+    return float(-program.eqlin.marginals[0])
 
 
 def _common(read: Sequence[UnitAmplitudes]) -> tuple[Condition, ...]:
