@@ -141,6 +141,17 @@ def test_parts_that_do_the_same_are_rivals() -> None:
     assert {found.causes[0].key, found.rivals[0].split()[0]} == {cams.key, twin.key}
 
 
+def test_the_mirror_image_of_a_cam_is_beside_it_whatever_first_order_says() -> None:
+    """Crank 1 on disc 0 of crank 0 on disc 1: contacts alone distinguish them."""
+    places = [{"disc": disc, "crank": crank} for disc in (0, 1) for crank in (0, 1)]
+    cams = [of_parts("crank.eccentricity", "radial", **place) for place in places]
+    for one, mirror in ((0, 3), (1, 2), (2, 1), (3, 0)):
+        values = lot(4)
+        values[1::2] += cams[one].columns[:, 0] * error_of(cams[one], 15)
+        (found,) = group_differences(values, {"machine": ("A", "B") * (UNITS // 2)}, SOME.weight, cams)
+        assert (found.causes[0].indices, cams[mirror].label in found.rivals) == (places[one], True)
+
+
 def test_of_parts_that_do_the_same_the_plausible_one_is_named() -> None:
     """A twin would have to be 50 times as far off: 300 um of a sun's place."""
     cams = of_parts("crank.eccentricity", "radial", disc=0)

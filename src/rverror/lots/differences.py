@@ -224,8 +224,22 @@ class Fits:
 
     def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
         """Other parts that do it nearly as well, the nearest first; more where the best leaves a misfit itself."""
-        near = [n for n in np.argsort(-chi) if chi[n] > chi[best] - RIVAL * misfit and not self._same(int(n), best)]
+        mirrored, others = self._mirrored(best), [n for n in np.argsort(-chi).tolist() if not self._same(n, best)]
+        near = [n for n in others if n in mirrored or chi[n] > chi[best] - RIVAL * misfit]
         return tuple(dict.fromkeys(self.candidates[n].label for n in near))
+
+    def _mirrored(self, number: int) -> set[int]:
+        """Mirror images of a candidate, other crank and other disc, which contacts alone distinguish."""
+        one = self.candidates[number]
+        places, harmonic = one.indices.keys() - {"harmonic"}, one.indices.get("harmonic")
+        alike = {
+            other: its.indices
+            for other, its in enumerate(self.candidates)
+            if (its.key, its.indices.keys(), its.indices.get("harmonic")) == (one.key, one.indices.keys(), harmonic)
+        }
+        if not places or len({tuple(at.values()) for at in alike.values()}) > _INSTANCES:
+            return set()
+        return {other for other, at in alike.items() if all(at[name] != one.indices[name] for name in places)}
 
     def _same(self, one: int, other: int) -> bool:
         """Whether two candidates are about the same parts."""
