@@ -57,7 +57,7 @@ from rverror.views.plots.figure import can_draw
 def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
-    Compares measured runs with a model and names the part and measuring errors that the model lacks: their sizes with
+    Compares measured runs with a model and names the errors of parts and bench that the model lacks: their sizes with
     95 % intervals, the causes that the runs cannot rule out in their place, and the error before and after.
     """
     model = load_model(options.model)

@@ -28,8 +28,8 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
 def _modes(options: argparse.Namespace) -> None:
     """Natural frequencies of the loaded gear train.
 
-    Computes the natural frequencies of the loaded gear train with the inertias at input and output, their damping, the
-    contact with most of each mode's strain energy and the part with most of its kinetic energy.
+    Computes natural frequencies and damping of the loaded gear train with the inertias at input and output and, for
+    each mode, the contact with most strain energy and the part with most kinetic energy.
     """
     found = modes(load_model(options.model), theta=options.angle, **_state(options))
     write_results(found, options)

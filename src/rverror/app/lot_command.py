@@ -49,11 +49,11 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         "parts": option(
             "FOLDER",
             "folder in which each subfolder with runs is a unit (units.csv, if there is one, gives order and labels), "
-            "or a file that --compress wrote; all given form one lot",
+            "or a file that --compress wrote; all are one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option("TOL.toml", "drawing tolerances: select the processes, and give Cp, Cpk", reads=True),
+        "--tolerances": option("TOL.toml", "drawing tolerances, to select processes and get Cp, Cpk", reads=True),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
@@ -65,9 +65,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
         **results(),
         "--csv": option("OUT.csv", "write a row for each process", writes=True),
-        "--diagnose": number(
-            "diagnose up to N units that do not belong to the lot (default 3; half a minute each)", least=0, default=3
-        ),
+        "--diagnose": number("diagnose up to N outliers (default 3; half a minute each)", least=0, default=3),
         "--seed": number("seed of the random virtual units (default 0)", least=0, default=0),
     },
 )

@@ -18,7 +18,7 @@ from rverror.runs.order_table import OrderTable
     options={
         "file": option("BENCH.tdms", "file of the bench, in any format that a mapping describes", reads=True),
         **MAPPING,
-        "--draft": flag("write a draft of the mapping in place of a run file, with what the file holds as comments"),
+        "--draft": flag("write a draft of the mapping instead; its comments list what the bench's file holds"),
         **output("RUN.csv", "file to write (default: standard output)"),
     },
 )

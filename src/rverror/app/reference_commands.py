@@ -70,7 +70,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml", "for a measured THEIR.csv: [bench.encoders] here gives the run's uncertainty", reads=True
+            "MODEL.toml", "for measured THEIR.csv: model whose [bench.encoders] gives its uncertainty", reads=True
         ),
         **results(),
     },

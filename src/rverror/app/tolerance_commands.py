@@ -46,9 +46,7 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = (
-        f"output torques of the transmission error under load (default, if computed: rated torque and 20 N*m){beside}"
-    )
+    torques = f"output torques of the error under load (default, if computed: rated torque and 20 N*m){beside}"
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -137,8 +135,8 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what is limited: load (default): units computed under load; yield: quantile of the peak-to-peak in closed "
-            "form, contacts closed (default for a drive and with --speed); worst: the worst case in closed form",
+            "the limit holds for units computed under load (load, default), for a closed-form quantile of the "
+            "peak-to-peak, contacts closed (yield, default of a drive and with --speed), or for its worst case (worst)",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),
@@ -148,7 +146,7 @@ def _allocate(options: argparse.Namespace) -> None:
     """The cheapest tolerances that keep units within limits.
 
     Finds the cheapest tolerances that keep the output error, lost motion or stiffness of a given share of units
-    within limits, and verifies them on units computed under load.
+    within limits, and verifies them on new virtual units.
     """
     model, tolerances = _read(options)
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):

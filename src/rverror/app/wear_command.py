@@ -49,7 +49,7 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
-            "running in: depth of the roughness that wears off and wear coefficient of the new surface, of all "
+            "running in: depth of roughness that wears off, then wear coefficient of the new surface, of all "
             "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],

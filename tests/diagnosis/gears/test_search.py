@@ -965,19 +965,27 @@ def test_what_promises_most_is_compared_once_it_took_three_steps(monkeypatch: py
     search = read(HEAD)
     model, root = search.root.fit.model, search.root
     pins = [replace(PIN, indices={"pin": pin}) for pin in range(UNIT.pins)]
-    promising = Trial(model.with_effects(HEAD), root.score - 50, root)
+    promising = Trial(model.with_effects(HEAD), root.score - 50, root, first=True)
     others = [Trial(model.with_effects(pin), root.score - 10, root) for pin in pins]
 
     def further(trial: Trial, score: object) -> Trial:
         falls = (800.0, -300.0, -600.0) if trial.added == (HEAD,) else (0.0,)
-        return replace(trial, taken=trial.taken + 1, score=trial.score + dict(enumerate(falls)).get(trial.taken, 0.0))
+        later = replace(trial, taken=trial.taken + 1, score=trial.score + dict(enumerate(falls)).get(trial.taken, 0.0))
+        return replace(later, fit=root.fit) if later.finished else later
 
-    ends = list[Trial]()
     monkeypatch.setattr(Trial, "further", further)
-    monkeypatch.setattr(search, "_fit_all", ends.extend)
-    search._queue, search._rounds = [promising, *others], 1
-    assert search.race_each()
-    assert [trial.added for trial in ends] == [(HEAD,)]
+    behind = search.race([promising, *others])
+    assert len(behind) == len(others) - 2  # three are followed to their end
+    assert all(trial.added != (HEAD,) for trial in behind)
+
+
+def test_a_set_that_the_last_round_completes_has_rivals_too(right: Fit) -> None:
+    """Other crank and disc, which only contacts distinguish."""
+    search = search_of(right, NEAR_CAMS)
+    search.widest = 0  # no beam is left
+    best, complete = search.best(search.score.of(right))
+    assert complete
+    assert search.as_good(best, 0)
 
 
 def test_every_end_of_a_race_that_comes_near_a_complete_set_is_fitted(right: Fit) -> None:

@@ -107,14 +107,15 @@ class Search:
             Whether nothing is left beside it.
         """
         self.keep(also)
-        while self.spent <= self.policy.budget and self._width <= self.widest:
+        while self.spent <= self.policy.budget:
             best = self.pruned(self._leader)
             if self.complete(best):
                 if not swap:
                     return best.with_rows, True
                 if not (self.expand(best, self.challengers) or self.compare(best) or self._race_all_places(best)):
                     return best.with_rows, True
-            elif nearly_noise(best.fit) and self.nothing_left(best):  # but for faults of the readings
+            # the widest beam is through, or nothing is left but faults of the readings
+            elif self._width > self.widest or (nearly_noise(best.fit) and self.nothing_left(best)):
                 return best.with_rows, False
             else:
                 going, self._rounds = self.expand_beam() | self.race_each(), self._rounds + 1
