@@ -223,10 +223,12 @@ class Fits:
         return whole if chi[whole] - chi[single] >= _VECTOR else single
 
     def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
-        """Other parts that do it nearly as well, the nearest first; more where the best leaves a misfit itself."""
-        mirrored, others = self._mirrored(best), [n for n in np.argsort(-chi).tolist() if not self._same(n, best)]
-        near = [n for n in others if n in mirrored or chi[n] > chi[best] - RIVAL * misfit]
-        return tuple(dict.fromkeys(self.candidates[n].label for n in near))
+        """Other parts that do it nearly as well, the nearest first, and all mirror images; more where the best leaves
+        a misfit itself."""
+        near = {best, *np.flatnonzero(chi > chi[best] - RIVAL * misfit).tolist()}
+        near = near.union(*map(self._mirrored, near))
+        rivals = [n for n in np.argsort(-chi).tolist() if n in near and not self._same(n, best)]
+        return tuple(dict.fromkeys(self.candidates[n].label for n in rivals))
 
     def _mirrored(self, number: int) -> set[int]:
         """Mirror images of a candidate, other crank and other disc, which contacts alone distinguish."""

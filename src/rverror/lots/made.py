@@ -249,6 +249,7 @@ def _clean(
         (values - left)[asked] + away + estimate.draws.mean,
         middle[asked],
         np.einsum("ud,de,ue->u", away, weight, away),
+        np.isin(np.compress(asked, amplitudes.serials), [one.serial for one in suspects]),
         LEVEL / 2,
     )
     return cleaned((*before.gross, *more))

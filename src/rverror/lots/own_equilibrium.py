@@ -25,6 +25,7 @@ from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
 
 _FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
 _SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
+_ASKED = 0.05  # share of the members beyond whose distance suspects are asked for their part: one in 20 in vain
 _HOPS = 16  # to other local minima: of members that the first fit left far away each came near enough in one of three
 _DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one: 30 to 90 um are near
 _FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
@@ -236,9 +237,15 @@ class OwnEquilibrium:
         return cls(simulator, replace(estimate.state, deviation=deviation), root, seed)
 
     def outsiders(
-        self, serials: Sequence[str], values: Array, middle: Array, far: Array, level: float
+        self,
+        serials: Sequence[str],
+        values: Array,
+        middle: Array,
+        far: Array,
+        suspected: npt.NDArray[np.bool_],
+        level: float,
     ) -> tuple[Outsider, ...]:
-        """Units of which their own equilibrium tells that they are no members, of the farthest.
+        """Units of which their own equilibrium tells that they are no members, of those suspected and the farthest.
 
         Parameters
         ----------
@@ -249,6 +256,8 @@ class OwnEquilibrium:
             Mean errors of the parts of each.
         far : ndarray, shape (units,)
             Squared distances, were all linear.
+        suspected : ndarray of bool, shape (units,)
+            Those whose parts are asked for even where the nearest member is not much too far away.
         level : float
             Chance of one in a lot without any.
 
@@ -258,8 +267,11 @@ class OwnEquilibrium:
             Without causes where parts of several kinds do it, which are then among the rivals.
         """
         found, effects = list[Outsider](), self.simulator.parts.effects
-        suspects = np.argsort(-far)[:_SUSPECTS].tolist()
-        asked = each(lambda unit: self.gross_errors(values[unit], middle[unit], level / len(serials)), suspects)
+        suspects, chance = np.lexsort((-far, ~suspected))[:_SUSPECTS].tolist(), level / len(serials)
+        asked = each(
+            lambda unit: self.gross_errors(values[unit], middle[unit], chance, _ASKED if suspected[unit] else chance),
+            suspects,
+        )
         for unit, errors in zip(suspects, asked, strict=True):
             if errors:
                 names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
@@ -269,7 +281,7 @@ class OwnEquilibrium:
                 found.append(Outsider(serials[unit], errors[0].gain, chance, causes, tuple(rivals)))
         return tuple(found)
 
-    def gross_errors(self, values: Array, middle: Array, chance: float) -> tuple[GrossError, ...]:
+    def gross_errors(self, values: Array, middle: Array, chance: float, usual: float) -> tuple[GrossError, ...]:
         """Gross errors one of which has made a unit, the likeliest first; none where it may be a member.
 
         Parameters
@@ -280,23 +292,25 @@ class OwnEquilibrium:
             Mean errors of the parts.
         chance : float
             Of telling one of a member, or a part of a unit that another has made.
+        usual : float
+            Share of the members beyond whose distance parts are asked for.
 
         Returns
         -------
         tuple of GrossError
             With the first its mirror image, and those over which its odds are not beyond the chance.
         """
-        usual = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
-        enough, rng = chi_square(chance, len(values)), np.random.default_rng(self.seed)
-        member = hopped(self._solve, values, usual, enough, rng)
+        prior = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
+        enough, rng = chi_square(usual, len(values)), np.random.default_rng(self.seed)
+        member = hopped(self._solve, values, prior, enough, rng)
         if member is None or member.distance < enough:
             return ()
         few = [number for number, process in enumerate(self._process_of_effect) if len(process.instances) <= _FEW]
-        errors = [one for one in (self._from_all_sides(number, values, usual, member) for number in few) if one]
+        errors = [one for one in (self._from_all_sides(number, values, prior, member) for number in few) if one]
 
         def sought(one: GrossError, beside: FittedUnit) -> GrossError:
-            unit = hopped(self._solve, values, self._wider(one.effect, usual), enough, rng, one.unit.sizes)
-            return self._gross_error(one.effect, unit or one.unit, usual, beside)
+            unit = hopped(self._solve, values, self._wider(one.effect, prior), enough, rng, one.unit.sizes)
+            return self._gross_error(one.effect, unit or one.unit, prior, beside)
 
         # part and member are compared once both were sought as thoroughly, the member beside that part too
         errors.sort(key=lambda one: -one.gain)
@@ -304,7 +318,7 @@ class OwnEquilibrium:
         if not named:
             return ()
         sizes = np.where(self._effect == named[0].effect, 0.0, named[0].unit.sizes)
-        other = hopped(self._solve, values, usual, enough, rng, sizes)
+        other = hopped(self._solve, values, prior, enough, rng, sizes)
         member = other if other and other.distance < member.distance else member
         if member.distance < enough:
             return ()
