@@ -17,7 +17,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import shown
 from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, split_unit
 from rverror.model.effects import Model
@@ -104,7 +104,7 @@ def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
 
 def _time(run: Run, clock: str, text: str) -> float:
     """Hours or cycles of a header's line."""
-    try:
+    with refusing(f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read (", f"); write '{CLOCKS[clock]}'"):
         if clock == "date":
             when = datetime.fromisoformat(text)
             time = (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp() / 3600
@@ -114,10 +114,6 @@ def _time(run: Run, clock: str, text: str) -> float:
             time = float(text)
         if not 0 <= time < math.inf:
             raise ValueError("must be 0 or more")
-    except ValueError as error:
-        raise InputError(
-            f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read ({error}); write '{CLOCKS[clock]}'"
-        ) from error
     return time
 
 
