@@ -148,9 +148,8 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
         for way, number, name, value in entries:
             moved[way, number, column[name]] += value
         moves.append(moved)
-    return PlacedErrors(
-        tuple(known.values()), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves)
-    )
+    every_size, every_sigma, *_ = zip(*built, strict=True)
+    return PlacedErrors(tuple(known.values()), every_size, every_sigma, tuple(moves))
 
 
 @dataclass(frozen=True)
