@@ -62,7 +62,8 @@ class PredictedWaves:
         """Sort the effects; `marked`: whether the zero is on the gear's marks; `notes` take what is left out."""
         self.model = model
         self.old = tuple(e for e in model.effects if e.key == WAVE.key)
-        self.slow = tuple(e for e in model.effects if _no_table_takes(e))
+        entries = [(e, source(e.key)) for e in model.effects]
+        self.slow = tuple(e for e, entry in entries if not entry.periodic or entry.follows != "angle")
         self.corrected = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
         if self.corrected and not marked and not any(source(e.key).acts == "marks" for e in self.corrected):
             notes.append("the zero is not on the gear's marks, so the model's effects predict no phase: left out")
@@ -107,11 +108,6 @@ class PredictedWaves:
         if not effects:
             return np.zeros(where.theta.size)
         return predict(replace(self.model, effects=effects), where).transmission_error
-
-
-def _no_table_takes(effect: Effect) -> bool:
-    entry = source(effect.key)
-    return not entry.periodic or entry.follows != "angle"
 
 
 _MOST_LISTED = 5

@@ -412,11 +412,9 @@ def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
 
 def merged(records: Sequence[RepeatingOrders]) -> list[OrderCase]:
     """One case for each condition: of several runs under one condition the mean wave of each order."""
-    by: dict[TableCondition, list[RepeatingOrders]] = {}
-    for one in records:
-        by.setdefault(one.record.condition, []).append(one)
     found = []
-    for condition, group in by.items():
+    for condition in dict.fromkeys(one.record.condition for one in records):
+        group = [one for one in records if one.record.condition == condition]
         orders = np.unique(np.concatenate([one.orders for one in group]))
         weight = np.array([float(one.record.theta.size) for one in group])
         rows = np.array([waves_at(orders, one.orders, one.waves) for one in group])
