@@ -91,14 +91,12 @@ def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
             f"{odd or 'runs'}: the header does not say when it was measured; give all runs a line "
             "'# hours: 120', '# cycles: 2e5' or '# date: 2026-03-01'"
         )
-    found: dict[float, list[Run]] = {}
-    labels: dict[float, str] = {}
-    for run, head in zip(given, heads, strict=True):
-        time = _time(run, clock, head[clock])
-        found.setdefault(time, []).append(run)
-        labels.setdefault(time, head[clock])
-    first = min(found) if clock == "date" else 0.0
-    sessions = tuple(Session(time - first, labels[time], tuple(found[time])) for time in sorted(found))
+    times = [_time(run, clock, head[clock]) for run, head in zip(given, heads, strict=True)]
+    first = min(times) if clock == "date" else 0.0
+    alike = [[n for n, other in enumerate(times) if other == time] for time in sorted(set(times))]
+    sessions = tuple(
+        Session(times[some[0]] - first, heads[some[0]][clock], tuple(given[n] for n in some)) for some in alike
+    )
     return "cycle" if clock == "cycles" else "hour", sessions
 
 
