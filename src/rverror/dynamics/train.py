@@ -156,13 +156,13 @@ class Part:
     at : tuple of int
         Its coordinates: x, y, angle; x, y; or an angle alone.
     mass, inertia : str
-        Names of what moves along and turns; empty for none.
+        Names of what moves along, empty for none, and of what turns.
     """
 
     name: str
     at: tuple[int, ...]
-    mass: str = ""
-    inertia: str = ""
+    mass: str
+    inertia: str
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class Train:
         found: dict[str, Array] = {}
 
         def put(name: str, value: float, at: tuple[int, ...]) -> None:
-            if name and value:
+            if value:
                 found.setdefault(name, np.zeros(self.size))[list(at)] += value
 
         values = self.weights.given() | self.bench.given()  # a bench that has none of them gives none
