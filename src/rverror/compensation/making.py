@@ -236,8 +236,7 @@ def _wanted(
         if isinstance(one, OrderTable):
             wanted += [case.condition for case in one.cases]
         else:
-            theta, ratio = one.nominal_angle(model), abs(model.mechanism.ratio)
-            wanted += [condition_of(one, theta, float(sense), ratio) for sense in np.unique(one.direction)]
+            wanted += [condition_of(one, model, float(sense)) for sense in np.unique(one.direction)]
     wanted += [replace(condition, torque=torque) for torque in torques for condition in data.conditions]
     return list(dict.fromkeys(wanted))
 
@@ -458,7 +457,7 @@ def _tested(
     traces = []
     for sense in np.unique(one.direction):
         at = one.direction == sense
-        condition = condition_of(one, theta, float(sense), abs(correction.ratio))
+        condition = condition_of(one, predicted.model, float(sense))
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
         sides = error[at] - error[at].mean(), changed - changed.mean()
         traces.append(CompensatedTrace(one.path, theta[at], *sides, unseen=True))
