@@ -62,7 +62,8 @@ class PredictedWaves:
         """Sort the effects; `marked`: whether the zero is on the gear's marks; `notes` take what is left out."""
         self.model = model
         self.old = tuple(e for e in model.effects if e.key == WAVE.key)
-        self.slow = tuple(e for e in model.effects if _no_table_takes(e))
+        entries = [(e, source(e.key)) for e in model.effects]
+        self.slow = tuple(e for e, entry in entries if not entry.periodic or entry.follows != "angle")
         self.corrected = tuple(e for e in model.effects if e not in self.old and e not in self.slow)
         if self.corrected and not marked and not any(source(e.key).acts == "marks" for e in self.corrected):
             notes.append("the zero is not on the gear's marks, so the model's effects predict no phase: left out")
@@ -107,11 +108,6 @@ class PredictedWaves:
         if not effects:
             return np.zeros(where.theta.size)
         return predict(replace(self.model, effects=effects), where).transmission_error
-
-
-def _no_table_takes(effect: Effect) -> bool:
-    entry = source(effect.key)
-    return not entry.periodic or entry.follows != "angle"
 
 
 _MOST_LISTED = 5
@@ -240,8 +236,7 @@ def _wanted(
         if isinstance(one, OrderTable):
             wanted += [case.condition for case in one.cases]
         else:
-            theta, ratio = one.nominal_angle(model), abs(model.mechanism.ratio)
-            wanted += [condition_of(one, theta, float(sense), ratio) for sense in np.unique(one.direction)]
+            wanted += [condition_of(one, model, float(sense)) for sense in np.unique(one.direction)]
     wanted += [replace(condition, torque=torque) for torque in torques for condition in data.conditions]
     return list(dict.fromkeys(wanted))
 
@@ -462,7 +457,7 @@ def _tested(
     traces = []
     for sense in np.unique(one.direction):
         at = one.direction == sense
-        condition = condition_of(one, theta, float(sense), abs(correction.ratio))
+        condition = condition_of(one, predicted.model, float(sense))
         changed = error[at] + correction.at(theta[at], condition) - old.at(theta[at], condition)
         sides = error[at] - error[at].mean(), changed - changed.mean()
         traces.append(CompensatedTrace(one.path, theta[at], *sides, unseen=True))

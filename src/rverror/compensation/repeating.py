@@ -180,7 +180,7 @@ def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]
             at, label = at[faults.kept], label[faults.kept]
             if 1 - 1e-9 <= turns < 2 - 1e-9:
                 notes.append(f"{name}: less than two turns, so that nothing shows the next one to be alike")
-        condition = condition_of(run, theta, sense, abs(model.mechanism.ratio))
+        condition = condition_of(run, model, sense)
         time = None if run.time is None else run.time[at]
         where = replace(run.conditions(model), theta=theta[at], direction=sense, time=time)
         every, untouched = predicts(where, condition)
@@ -203,22 +203,13 @@ def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]
     return found
 
 
-def condition_of(run: Run, theta: Array, sense: float, ratio: float) -> TableCondition:
-    """Under what a run was measured in one direction; its speed where it has time and turns once that way.
-
-    Parameters
-    ----------
-    run : Run
-    theta : ndarray, shape (n,)
-        Its nominal output angles, rad.
-    sense : float
-    ratio : float
-        Size of it.
-    """
+def condition_of(run: Run, model: Model, sense: float) -> TableCondition:
+    """Under what a run was measured in one direction; its speed where it has time and turns once that way."""
     speed, own = None, [part for part in _passes(run.direction) if run.direction[part.start] == sense]
     if run.time is not None and len(own) == 1:
-        way, lasted = float(np.ptp(theta[own[0]])), float(np.ptp(run.time[own[0]]))
-        speed = float(f"{ratio * way / lasted:.2g}") if lasted else None  # that of two runs differs in its digits
+        way, lasted = (float(np.ptp(row[own[0]])) for row in (run.nominal_angle(model), run.time))
+        # that of two runs differs in its digits
+        speed = float(f"{abs(model.mechanism.ratio) * way / lasted:.2g}") if lasted else None
     return TableCondition(direction=sense, torque=run.torque, input_speed=speed, temperature=run.temperature)
 
 
@@ -412,11 +403,9 @@ def at_orders(record: DirectedRun, orders: Array) -> RepeatingOrders:
 
 def merged(records: Sequence[RepeatingOrders]) -> list[OrderCase]:
     """One case for each condition: of several runs under one condition the mean wave of each order."""
-    by: dict[TableCondition, list[RepeatingOrders]] = {}
-    for one in records:
-        by.setdefault(one.record.condition, []).append(one)
     found = []
-    for condition, group in by.items():
+    for condition in dict.fromkeys(one.record.condition for one in records):
+        group = [one for one in records if one.record.condition == condition]
         orders = np.unique(np.concatenate([one.orders for one in group]))
         weight = np.array([float(one.record.theta.size) for one in group])
         rows = np.array([waves_at(orders, one.orders, one.waves) for one in group])

@@ -350,10 +350,9 @@ def _check_kind(kind: str) -> None:
 
 def _case(entry: Mapping[str, Any]) -> OrderCase:
     known = {
-        field: None
-        if entry[name] is None
-        else units.parse(f"{entry[name]!r} {units.DISPLAY_UNITS[dimension]}", dimension)
+        field: units.parse(f"{entry[name]!r} {units.DISPLAY_UNITS[dimension]}", dimension)
         for field, (name, dimension) in _CONDITION.items()
+        if entry[name] is not None
     }
     waves = entry["waves"]
     return OrderCase(

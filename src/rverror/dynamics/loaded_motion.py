@@ -311,10 +311,9 @@ def _nominal_rate(train: Train) -> Array:
     """Rate of the nominal motion per unit of speed, in the frames of the parts, (size,)."""
     rate, turns = train.turns * (train.quarter_turn @ _centres(train)), frame_orders(train.reducer)
     for part in train.parts:
-        if part.inertia:
+        if len(part.at) != 2:  # a sun whose angle is held has none
             kind = {"input": "sun", "load": "carrier"}.get(part.name, part.name.split()[0])
-            if len(part.at) != 2:  # a sun whose angle is held has none
-                rate[part.at[-1]] = turns[kind]
+            rate[part.at[-1]] = turns[kind]
     return np.asarray(rate)
 
 

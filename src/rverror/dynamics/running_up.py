@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -163,7 +162,7 @@ def run_up(
     course = _course(stops, at_stops, smooth=smooth)
     start, shortest = _start_state(moving, float(at_stops[0])), float(np.diff(stops).min())
     moved, rate = forced.in_time(course, time, start=start, tolerance=_TOLERANCE, longest=shortest)
-    theta, turn, acceleration = course(time)
+    theta, turn, acceleration = course(time).T
 
     whole = moving.whole
     read, ends = whole.train.reading, [at for part in ("carrier", "load") for at in whole.train.place(part)[-1:]]
@@ -205,8 +204,8 @@ def _stops(times: Any, speeds: Any) -> tuple[Array, Array]:
     return time, speed
 
 
-def _course(time: Array, turn: Array, *, smooth: bool) -> Callable[[Any], tuple[Any, Any, Any]]:
-    """Angle, speed and acceleration of the output at any time, from its speeds at some."""
+def _course(time: Array, turn: Array, *, smooth: bool) -> Any:
+    """Angle, speed and acceleration of the output over time, (..., 3), from its speeds at some times."""
     if smooth:
         speed = scipy.interpolate.CubicHermiteSpline(time, turn, np.zeros_like(turn))
     else:
@@ -214,13 +213,7 @@ def _course(time: Array, turn: Array, *, smooth: bool) -> Callable[[Any], tuple[
     rows = [speed.antiderivative().c, speed.c, speed.derivative().c]
     # one polynomial of all three: an integration asks for them some ten thousand times
     padded = [np.concatenate([np.zeros((len(rows[0]) - len(one), one.shape[1])), one]) for one in rows]
-    whole = scipy.interpolate.PPoly(np.stack(padded, axis=-1), time)
-
-    def course(at: Any) -> tuple[Any, Any, Any]:
-        angle, turning, acceleration = whole(at).T
-        return angle, turning, acceleration
-
-    return course
+    return scipy.interpolate.PPoly(np.stack(padded, axis=-1), time)
 
 
 def _start_state(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:

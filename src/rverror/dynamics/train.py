@@ -7,7 +7,6 @@ the equations.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -59,8 +58,7 @@ def whole_inertia(reducer: Reducer) -> Inertia:
     >>> 0.5e-3 < whole.disc_mass < 1.2e-3  # a disc of a reducer of this size has a kilogram or less
     True
     """
-    given = {name: value for name, value in dataclasses.asdict(reducer.inertia).items() if value is not None}
-    return Inertia(**_estimated(reducer) | given)
+    return Inertia(**_estimated(reducer) | reducer.inertia.given())
 
 
 def _estimated(reducer: Reducer) -> dict[str, float]:
@@ -158,13 +156,13 @@ class Part:
     at : tuple of int
         Its coordinates: x, y, angle; x, y; or an angle alone.
     mass, inertia : str
-        Names of what moves along and turns; empty for none.
+        Names of what moves along, empty for none, and of what turns.
     """
 
     name: str
     at: tuple[int, ...]
-    mass: str = ""
-    inertia: str = ""
+    mass: str
+    inertia: str
 
 
 @dataclass(frozen=True)
@@ -231,15 +229,14 @@ class Train:
         found: dict[str, Array] = {}
 
         def put(name: str, value: float, at: tuple[int, ...]) -> None:
-            if name and value:
+            if value:
                 found.setdefault(name, np.zeros(self.size))[list(at)] += value
 
-        values = {f: getattr(self.weights, f) for f in self.weights.__dataclass_fields__}
-        values |= {"input_inertia": self.bench.input_inertia, "load_inertia": self.bench.load_inertia}
+        values = self.weights.given() | self.bench.given()  # a bench that has none of them gives none
         for part in self.parts:
             if part.mass:
                 put(part.mass, values[part.mass], part.at[:2])
-            put(part.inertia, values[part.inertia], part.at[-1:] if len(part.at) != 2 else ())
+            put(part.inertia, values.get(part.inertia, 0.0), part.at[-1:] if len(part.at) != 2 else ())
         # what is rigidly coupled turns with its neighbour
         if self.sun_turns and self.bench.input_coupling_stiffness is None:
             put("input_inertia", self.bench.input_inertia, self.sun_angle)

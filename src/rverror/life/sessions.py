@@ -17,7 +17,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import shown
 from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, split_unit
 from rverror.model.effects import Model
@@ -91,20 +91,18 @@ def sessions_of(runs: Iterable[Run]) -> tuple[str, tuple[Session, ...]]:
             f"{odd or 'runs'}: the header does not say when it was measured; give all runs a line "
             "'# hours: 120', '# cycles: 2e5' or '# date: 2026-03-01'"
         )
-    found: dict[float, list[Run]] = {}
-    labels: dict[float, str] = {}
-    for run, head in zip(given, heads, strict=True):
-        time = _time(run, clock, head[clock])
-        found.setdefault(time, []).append(run)
-        labels.setdefault(time, head[clock])
-    first = min(found) if clock == "date" else 0.0
-    sessions = tuple(Session(time - first, labels[time], tuple(found[time])) for time in sorted(found))
+    times = [_time(run, clock, head[clock]) for run, head in zip(given, heads, strict=True)]
+    first = min(times) if clock == "date" else 0.0
+    alike = [[n for n, other in enumerate(times) if other == time] for time in sorted(set(times))]
+    sessions = tuple(
+        Session(times[some[0]] - first, heads[some[0]][clock], tuple(given[n] for n in some)) for some in alike
+    )
     return "cycle" if clock == "cycles" else "hour", sessions
 
 
 def _time(run: Run, clock: str, text: str) -> float:
     """Hours or cycles of a header's line."""
-    try:
+    with refusing(f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read (", f"); write '{CLOCKS[clock]}'"):
         if clock == "date":
             when = datetime.fromisoformat(text)
             time = (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp() / 3600
@@ -114,10 +112,6 @@ def _time(run: Run, clock: str, text: str) -> float:
             time = float(text)
         if not 0 <= time < math.inf:
             raise ValueError("must be 0 or more")
-    except ValueError as error:
-        raise InputError(
-            f"{run.path or 'a run'}: {clock} = {shown(text)} cannot be read ({error}); write '{CLOCKS[clock]}'"
-        ) from error
     return time
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.numbers import way
 from rverror.base.threads import each
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
@@ -41,9 +42,7 @@ class Quantity:
     @property
     def label(self) -> str:
         """For people."""
-        return (
-            f"{self.limit.label}, {'forward' if self.direction > 0 else 'reverse'}" if self.span else self.limit.label
-        )
+        return f"{self.limit.label}, {way(self.direction)}" if self.span else self.limit.label
 
 
 @dataclass(frozen=True)
@@ -131,8 +130,8 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
             for error in part.errors:
                 own = [terms[name] for name in named(error)]
                 sizes[number, own], sigmas[number, own] = error.values, error.uncertainty or 0.0
-        entries = []  # of `moved`: way, term, component, value
-        for way, turn in enumerate(place.turns):
+        entries = []  # of `moved`: way that it is turned, term, component, value
+        for turned, turn in enumerate(place.turns):
             for (key, at, p), number in terms.items():
                 unit = tuple(float(p == other) for other in range(len(source(key).parameters)))
                 alone = MeasuredPart(place.kind, "", (Effect(key, dict(at), unit),))
@@ -140,17 +139,16 @@ def columns_of(reducer: Reducer, lots: Sequence[tuple[Place, Sequence[MeasuredPa
                 for parameter, value in zip(source(key).parameters, error.values, strict=True):
                     name = (key, frozenset(error.indices.items()), parameter.name)
                     known.setdefault(name, Component(key, error.indices, parameter.name, parameter.dimension))
-                    entries.append((way, number, name, value))
+                    entries.append((turned, number, name, value))
         built.append((sizes, sigmas, len(place.turns), entries))
     moves, column = [], {name: number for number, name in enumerate(known)}
     for sizes, _, ways, entries in built:
         moved = np.zeros((ways, sizes.shape[1], len(known)))
-        for way, number, name, value in entries:
-            moved[way, number, column[name]] += value
+        for turned, number, name, value in entries:
+            moved[turned, number, column[name]] += value
         moves.append(moved)
-    return PlacedErrors(
-        tuple(known.values()), tuple(one[0] for one in built), tuple(one[1] for one in built), tuple(moves)
-    )
+    every_size, every_sigma, *_ = zip(*built, strict=True)
+    return PlacedErrors(tuple(known.values()), every_size, every_sigma, tuple(moves))
 
 
 @dataclass(frozen=True)

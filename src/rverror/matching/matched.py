@@ -19,7 +19,7 @@ from rverror.base.units import ARCSEC
 from rverror.geartrain.mechanism import Reducer
 from rverror.matching.at_load import PlacedErrors, UnitsAtLoad, columns_of
 from rverror.matching.result import Matched, MatchedUnit, MountedPart, WayToBuild
-from rverror.matching.unit_waves import Assembly, UnitWaves, placed
+from rverror.matching.unit_waves import Assembly, UnitWaves, placed, section_sizes
 from rverror.model.effects import Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart, Place, at_first_place, mounted, places_of
 from rverror.tolerances.loaded_yield import counted
@@ -321,8 +321,9 @@ class _AtLoad:
             raise InputError("no equilibrium of any unit at this load; check the sizes of the parts' errors, and --at")
         base = np.nanmean(waves - values[some] @ slope, axis=0)
         linear, known = base + values @ slope, np.isfinite(turns).all(axis=1)
-        for number, (at, span) in enumerate(self.units.sections):
-            size = (np.ptp(linear[:, at], axis=1) if span else linear[:, at].max(axis=1))[known].sum()
+        sizes = section_sizes(linear, self.units.sections)
+        for number, (at, _) in enumerate(self.units.sections):
+            size = sizes[number][known].sum()
             scale = (turns[known, number] / self.units.allowed[number]).sum() / size if size > 0 else 1.0
             base[at], slope[:, at] = base[at] * scale, slope[:, at] * scale
         parts = self.lot.waves(slope, turned=turned)
@@ -372,11 +373,8 @@ class _AtLoad:
         some = built.assembly.of(rows)
         whole = waves.whole(some)
         true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
-        difference = np.zeros_like(whole)
-        for number, (at, span) in enumerate(self.units.sections):
-            size = np.ptp(true[:, at], axis=1) if span else true[:, at].max(axis=1)
-            scale = built.turns[rows, number] / self.units.allowed[number] / size
-            difference[:, at] = true[:, at] * scale[:, None] - whole[:, at]
+        scale = built.turns[rows] / self.units.allowed / section_sizes(true, self.units.sections).T
+        difference = true * np.repeat(scale, [at.stop - at.start for at, _ in self.units.sections], axis=1) - whole
         return np.where(np.isfinite(difference), difference, 0.0).astype(np.float32)
 
     def in_classes(self, waves: UnitWaves, rng: np.random.Generator) -> Assembly:

@@ -54,6 +54,11 @@ class Assembly:
         return [tuple(row) for row in np.concatenate([self.part, self.turn], axis=1).tolist()]
 
 
+def section_sizes(waves: Array, sections: Sequence[tuple[slice, bool]]) -> Array:
+    """Peak-to-peak, or largest value, of each section of waves, as `UnitWaves` has them, shape (sections, ...)."""
+    return np.array([(np.ptp if span else np.max)(waves[..., at], axis=-1) for at, span in sections])
+
+
 @dataclass(frozen=True)
 class UnitWaves:
     """Waves of all parts at all places.
@@ -99,10 +104,7 @@ class UnitWaves:
 
     def errors(self, waves: Array) -> Array:
         """Largest section of each wave, over the limit, shape (...)."""
-        found = [
-            waves[..., at].max(axis=-1) - (waves[..., at].min(axis=-1) if span else 0) for at, span in self.sections
-        ]
-        return np.asarray(np.max(found, axis=0))
+        return np.asarray(section_sizes(waves, self.sections).max(axis=0))
 
     def of(self, assembly: Assembly, places: Sequence[int]) -> Array:
         """Sum of the waves at some places, without the base, shape (units, samples)."""
@@ -342,8 +344,8 @@ def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Integers) -> tupl
     """Error of a unit, and its rollers by groove, when no exchange of two makes it less."""
     every = np.arange(len(order))
     first, second = np.triu_indices(len(order), 1)
-    total = rest + own[every, order].sum(axis=0)
     for _ in range(_SWAPS):
+        total = rest + own[every, order].sum(axis=0)
         a, b = order[first], order[second]
         errors = waves.errors(total + own[first, b] + own[second, a] - own[first, a] - own[second, b])
         best = int(errors.argmin())
@@ -351,8 +353,7 @@ def _swapped(waves: UnitWaves, own: Array, rest: Array, order: Integers) -> tupl
             break
         order = order.copy()
         order[[first[best], second[best]]] = order[[second[best], first[best]]]
-        total = rest + own[every, order].sum(axis=0)
-    return float(waves.errors(total)), order.tolist()
+    return float(waves.errors(rest + own[every, order].sum(axis=0))), order.tolist()
 
 
 def _rest(name: tuple[int, ...], place: int, count: int) -> tuple[int, ...]:

@@ -208,7 +208,7 @@ def circle(points: Points, sigma: float) -> tuple[complex, LeastSquares]:
     LeastSquares
         Of the last step: x, y, radius.
     """
-    centre, estimate = complex(points.mean()), None
+    centre = complex(points.mean())
     for _ in range(30):
         away = points - centre
         far = np.abs(away)
@@ -218,7 +218,6 @@ def circle(points: Points, sigma: float) -> tuple[complex, LeastSquares]:
         centre += step
         if abs(step) < _SETTLED:
             break
-    assert estimate is not None
     return centre, estimate
 
 

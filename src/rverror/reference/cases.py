@@ -11,7 +11,6 @@ import os
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +33,7 @@ from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
 from rverror.model.effects import Effect, Model, effect
 from rverror.statics.loaded_state import linearise
+from rverror.views.html import shipped
 
 Method = Literal["equilibrium", "closed"]
 
@@ -146,20 +146,19 @@ class StoredCase:
         return None if found is None else np.asarray(found, dtype=np.float64)
 
 
-def _force_array(key: str) -> tuple[str, str, str]:
+#: What ``data/reference-cases.toml`` says of the cases, their arrays and a comparison.
+SHIPPED: Mapping[str, Any] = tomllib.loads(shipped("reference-cases.toml"))
+
+
+def _force_array(key: str) -> dict[str, str]:
     parts, _, axes = CONTACT_AXES[key].rpartition(": ")
-    return f"{axes.strip('()')}, m", "N*mm" if key == "spline" else "N", f"equilibrium, force of {parts}"
+    unit = "N*mm" if key == "spline" else "N"
+    return {"axes": f"{axes.strip('()')}, m", "unit": unit, "what": f"equilibrium, force of {parts}"}
 
 
 #: Arrays of case.npz: axes, unit, and what they hold.
-ARRAYS: Mapping[str, tuple[str, str, str]] = {
-    "theta": ("n", "rad", "nominal output angle, input angle / R"),
-    "transmission_error_closed": ("n", "rad", "closed form"),
-    "transmission_error_equilibrium": ("n", "rad", "equilibrium, elastic windup included"),
-    "influence_labels": ("parameters", "-", "source, indices and name of each parameter"),
-    "influence_closed": ("parameters, n", "rad per mm or rad", "closed form"),
-    "influence_equilibrium": ("parameters, n", "rad per mm or rad", "equilibrium, closed contacts held closed"),
-    "force_theta": ("m", "rad", "angles of the contact forces, some of theta"),
+ARRAYS: Mapping[str, Mapping[str, str]] = {
+    **SHIPPED["arrays"],
     **{f"force_{key}": _force_array(key) for key in CONTACT_AXES if key != "output"},
 }
 
@@ -169,8 +168,7 @@ ARRAYS: Mapping[str, tuple[str, str, str]] = {
 
 def definitions() -> tuple[Definition, ...]:
     """The reference cases, as ``data/reference-cases.toml`` has them."""
-    text = (resources.files("rverror") / "data" / "reference-cases.toml").read_text(encoding="utf-8")
-    cases = tomllib.loads(text)["case"]
+    cases = SHIPPED["case"]
     errors = {case["name"]: case.get("effects", ()) for case in cases}
     return tuple(_definition(case, errors[case.get("same_errors_as", case["name"])]) for case in cases)
 
@@ -310,7 +308,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
             }
             for item in what.known
         ],
-        "arrays": {name: dict(zip(("axes", "unit", "what"), ARRAYS[name], strict=True)) for name in arrays},
+        "arrays": {name: ARRAYS[name] for name in arrays},
         "npz_sha256": hashlib.sha256(case_npz(case)).hexdigest(),
     }
 

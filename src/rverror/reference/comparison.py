@@ -16,6 +16,7 @@ from rverror.base.units import ARCSEC
 from rverror.model.ends import Encoders
 from rverror.reference.cases import (
     DIGITS,
+    SHIPPED,
     WORDS,
     Method,
     StoredCase,
@@ -24,7 +25,7 @@ from rverror.reference.cases import (
     waves_of,
 )
 from rverror.runs.measurement import Run
-from rverror.runs.measuring_chain import BenchUncertainty, Figure, uncertainty_of
+from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
 from rverror.runs.reading import refuse
 from rverror.views.bench_report import bench_json, of_figures
 from rverror.views.describing import described, entries
@@ -228,14 +229,7 @@ def _interpolated(angle: Array, values: Array, targets: Array, turns: int) -> Ar
 # --- telling ----------------------------------------------------------------------------------------------------------
 
 #: Sizes of a comparison: key in JSON, name for people, what of the bench's uncertainty is of it.
-_SIZES: Mapping[str, tuple[str, str, Figure | None]] = {
-    "peak_to_peak": ("peak_to_peak_arcsec", "peak-to-peak, theirs", "peak_to_peak"),
-    "case_peak_to_peak": ("case_peak_to_peak_arcsec", "peak-to-peak, case", None),
-    "offset": ("offset_difference_arcsec", "offset, theirs less case", None),
-    "rms": ("rms_difference_arcsec", "rms of the difference, without the offset", "rms"),
-    "case_rms": ("case_rms_arcsec", "rms of the case", None),
-    "largest": ("largest_difference_arcsec", "largest difference", None),
-}
+_SIZES: Mapping[str, Mapping[str, Any]] = SHIPPED["comparison"]
 _WAVES = ("theirs", "case", "difference")
 
 
@@ -243,8 +237,8 @@ _WAVES = ("theirs", "case", "difference")
 def _comparison_table(result: Comparison) -> Table:
     bench = result.bench
     sizes = [
-        (words, getattr(result, name), bench.of(figure) if bench and figure else math.nan)
-        for name, (_, words, figure) in _SIZES.items()
+        (size["words"], getattr(result, name), bench.of(size["bench"]) if bench and "bench" in size else math.nan)
+        for name, size in _SIZES.items()
     ]
     worst = [_polar(one) for one in result.orders[:_TOLD] if abs(one.difference) >= _LEAST]
     waves = {**same_unit(ANGLE, *_WAVES), **same_unit(POSITION, *(f"{name}_phase" for name in _WAVES))}
@@ -278,7 +272,7 @@ def _comparison_content(found: Comparison) -> dict[str, Any]:
     return {
         "case_version": found.version,
         "method": WORDS[found.method],
-        **{key: in_arcsec(getattr(found, name), DIGITS) for name, (key, *_) in _SIZES.items()},
+        **{size["key"]: in_arcsec(getattr(found, name), DIGITS) for name, size in _SIZES.items()},
         "largest_difference_at_deg": rounded(math.degrees(found.largest_at), DIGITS),
         "orders": [
             {"order": one.order, **{name: wave_json(getattr(one, name)) for name in _WAVES}}
