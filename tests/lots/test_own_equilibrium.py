@@ -224,17 +224,17 @@ def test_of_the_farthest_units_a_part_is_told_with_its_interval_or_several_kinds
     values, far = np.concatenate([lot.values[None], members]), np.arange(22.0)[::-1]
     serials = [f"unit {number}" for number in range(22)]
     middle = np.zeros((22, len(lot.own.simulator.parts.process)))
-    (unclear,) = lot.own.outsiders(serials, values, middle, far, far < 0, 22 * 0.01)
+    (unclear,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.01)
     assert unclear.serial == "unit 0"
     assert unclear.causes == ()  # a cam or a bore
     assert {name.split(" ")[0] for name in unclear.rivals} == {CAM, BORE}
-    (found,) = lot.own.outsiders(serials, values, middle, far, far < 0, 22 * 0.3)
+    (found,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.3)
     first, *_ = lot.found(0.3)
     (shift,) = found.causes
     assert shift.size.value == pytest.approx(first.sizes[0])
     assert shift.size.high - shift.size.value == pytest.approx(1.96 * first.errors[0])
-    assert not lot.own.outsiders(serials, values, middle, -far, far < 0, 22 * 0.3)  # it is the nearest now
-    assert lot.own.outsiders(serials, values, middle, -far, far == 21, 22 * 0.3)  # but suspected
+    assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.3)  # it is the nearest now
+    assert lot.own.outsiders(serials, values, middle, np.where(far == 21, np.inf, -far), 22 * 0.3)  # but suspected
 
 
 def test_parts_are_asked_for_beyond_the_distance_that_a_share_of_the_members_exceeds() -> None:
@@ -345,14 +345,7 @@ def test_a_unit_is_named_with_its_part_and_with_those_that_do_the_same() -> None
     own, (errors, noise) = lot_at_light_load(), drawn(2)
     parts = own.simulator.parts
     errors[1, parts.effect == 0] = (0.04, -0.03)
-    found = own.outsiders(
-        ("sound", "spoilt"),
-        measured(errors, noise),
-        0 * errors,
-        np.array([1.0, 2.0]),
-        np.zeros(2, np.bool_),
-        2 * CHANCE,
-    )
+    found = own.outsiders(("sound", "spoilt"), measured(errors, noise), 0 * errors, np.array([1.0, 2.0]), 2 * CHANCE)
     assert [one.serial for one in found] == ["spoilt"]
     assert found[0].chance < 2 * CHANCE
     assert {one.key for one in found[0].causes} == {CAM}

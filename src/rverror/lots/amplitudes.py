@@ -389,8 +389,7 @@ def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
         near = (orders >= min(k / _WIDE, k - _LEAST_WIDE)) & (orders <= max(k * _WIDE, k + _LEAST_WIDE))
         fall = np.log((orders[near] ** 2 + _FLAT**2) / (k**2 + _FLAT**2))
         found[:, at] = [_lower_quartile(fall, one) for one in level[:, near]]
-    noise = np.exp(found) * freedom / chi_square(1 - _QUARTER, freedom)
-    return np.tile(noise[:, None], (1, 2, 1)).reshape(-1)
+    return np.tile((np.exp(found) * freedom / chi_square(1 - _QUARTER, freedom))[:, None], (1, 2, 1)).reshape(-1)
 
 
 def _lower_quartile(at: Array, values: Array) -> float:

@@ -233,15 +233,12 @@ class Fits:
     def _mirrored(self, number: int) -> set[int]:
         """Mirror images of a candidate, other crank and other disc, which contacts alone distinguish."""
         one = self.candidates[number]
-        places, harmonic = one.indices.keys() - {"harmonic"}, one.indices.get("harmonic")
-        alike = {
-            other: its.indices
-            for other, its in enumerate(self.candidates)
-            if (its.key, its.indices.keys(), its.indices.get("harmonic")) == (one.key, one.indices.keys(), harmonic)
-        }
-        if not places or len({tuple(at.values()) for at in alike.values()}) > _INSTANCES:
+        named = {n: its.indices for n, its in enumerate(self.candidates) if its.key == one.key}
+        alike = {n: at for n, at in named.items() if at.keys() == one.indices.keys()}
+        if not one.indices.keys() - {"harmonic"} or len({tuple(at.values()) for at in alike.values()}) > _INSTANCES:
             return set()
-        return {other for other, at in alike.items() if all(at[name] != one.indices[name] for name in places)}
+        own = one.indices.items()
+        return {n for n, at in alike.items() if all((at[name] == index) == (name == "harmonic") for name, index in own)}
 
     def _same(self, one: int, other: int) -> bool:
         """Whether two candidates are about the same parts."""

@@ -244,12 +244,12 @@ def _clean(
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)
+    suspected = np.isin(np.compress(asked, amplitudes.serials), [one.serial for one in suspects])
     more = OwnEquilibrium.of(simulator, estimate, seed).outsiders(
         tuple(compress(amplitudes.serials, asked)),
         (values - left)[asked] + away + estimate.draws.mean,
         middle[asked],
-        np.einsum("ud,de,ue->u", away, weight, away),
-        np.isin(np.compress(asked, amplitudes.serials), [one.serial for one in suspects]),
+        np.where(suspected, np.inf, np.einsum("ud,de,ue->u", away, weight, away)),
         LEVEL / 2,
     )
     return cleaned((*before.gross, *more))

@@ -237,13 +237,7 @@ class OwnEquilibrium:
         return cls(simulator, replace(estimate.state, deviation=deviation), root, seed)
 
     def outsiders(
-        self,
-        serials: Sequence[str],
-        values: Array,
-        middle: Array,
-        far: Array,
-        suspected: npt.NDArray[np.bool_],
-        level: float,
+        self, serials: Sequence[str], values: Array, middle: Array, far: Array, level: float
     ) -> tuple[Outsider, ...]:
         """Units of which their own equilibrium tells that they are no members, of those suspected and the farthest.
 
@@ -255,9 +249,8 @@ class OwnEquilibrium:
         middle : ndarray, shape (units, components)
             Mean errors of the parts of each.
         far : ndarray, shape (units,)
-            Squared distances, were all linear.
-        suspected : ndarray of bool, shape (units,)
-            Those whose parts are asked for even where the nearest member is not much too far away.
+            Squared distances, were all linear; infinite of suspects, whose parts are asked for even where the nearest
+            member is not much too far away.
         level : float
             Chance of one in a lot without any.
 
@@ -267,11 +260,9 @@ class OwnEquilibrium:
             Without causes where parts of several kinds do it, which are then among the rivals.
         """
         found, effects = list[Outsider](), self.simulator.parts.effects
-        suspects, chance = np.lexsort((-far, ~suspected))[:_SUSPECTS].tolist(), level / len(serials)
-        asked = each(
-            lambda unit: self.gross_errors(values[unit], middle[unit], chance, _ASKED if suspected[unit] else chance),
-            suspects,
-        )
+        suspects, chance = np.argsort(-far)[:_SUSPECTS].tolist(), level / len(serials)
+        usual = np.where(np.isinf(far), _ASKED, chance)
+        asked = each(lambda unit: self.gross_errors(values[unit], middle[unit], chance, usual[unit]), suspects)
         for unit, errors in zip(suspects, asked, strict=True):
             if errors:
                 names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
