@@ -380,8 +380,8 @@ def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
     more do not count: gross errors make what looks like noise.
     """
     squares = ((values - marked * np.median(values, axis=0)) ** 2).reshape(len(values), conditions, 2, -1).sum(axis=2)
-    usual = np.maximum(np.median(squares, axis=0), np.finfo(np.float64).tiny)
-    alike = np.median(squares / usual, axis=(1, 2)) < _LOUDER
+    louder = np.median(squares / np.maximum(np.median(squares, axis=0), np.finfo(np.float64).tiny), axis=(1, 2))
+    alike = louder <= max(_LOUDER, np.partition(louder, 1)[1])  # two at least
     power = variance_of(values[alike], marked=marked).reshape(conditions, 2, -1).mean(axis=1)
     freedom, found = 2 * (int(alike.sum()) - marked), np.empty_like(power)
     level, orders = np.log(np.maximum(power, np.finfo(np.float64).tiny)), np.arange(1, power.shape[1] + 1)
