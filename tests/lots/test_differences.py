@@ -150,6 +150,11 @@ def test_the_mirror_image_of_a_cam_is_beside_it_whatever_first_order_says() -> N
         values[1::2] += cams[one].columns[:, 0] * error_of(cams[one], 15)
         (found,) = group_differences(values, {"machine": ("A", "B") * (UNITS // 2)}, SOME.weight, cams)
         assert (found.causes[0].indices, cams[mirror].label in found.rivals) == (places[one], True)
+    fits = Fits.of(cams, SOME.weight)
+    assert fits.rivals(np.array([100.0, 95.0, 20.0, 0.0]), 0) == tuple(
+        one.label for one in cams[1:]
+    )  # that of a rival too
+    assert fits.rivals(np.array([100.0, 50.0, 20.0, 0.0]), 0) == (cams[3].label,)
 
 
 def test_of_parts_that_do_the_same_the_plausible_one_is_named() -> None:

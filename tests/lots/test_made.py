@@ -451,10 +451,17 @@ def test_gross_errors_of_one_kind_widen_no_process(monkeypatch: pytest.MonkeyPat
 def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cam six standard deviations off, less than first order tells for sure."""
     spoilt = {5: rverror.effect("crank.eccentricity", disc=1, crank=0, radial="12 um")}
-    monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_: ())
+    asked = list[str]()
+
+    def outsiders(self: OwnEquilibrium, serials: Sequence[str], *given: Array) -> tuple[Outsider, ...]:
+        asked.extend(serial for serial, far in zip(serials, given[2], strict=True) if math.isinf(far))
+        return ()
+
+    monkeypatch.setattr(OwnEquilibrium, "outsiders", outsiders)
     found = lot(MODEL, made(9, 42, SPREAD, 1.0, spoilt=spoilt), tolerances=TOLERANCES)
     assert (found.units, found.outsiders) == (41, ())
     assert found.notes == ("far from the other units, and left out of the estimate: 005",)
+    assert asked == ["005"]
     intervals_hold(found)
 
 

@@ -245,6 +245,17 @@ def test_parts_are_asked_for_beyond_the_distance_that_a_share_of_the_members_exc
     assert [bool(some) for some in asked] == [False, True]
 
 
+def test_a_suspect_is_asked_where_others_are_near_enough() -> None:
+    """At a chance that fewer members exceed than its distance, and that its part's odds do."""
+    lot = replace(linear_lot(), values=0.45 * linear_lot().values)  # at which the odds say more than the distance
+    first, *_ = lot.found(0.04)
+    share = float(scipy.stats.chi2.sf(lot.misfit() * lot.values.size, lot.values.size))
+    chance = math.sqrt(share * math.exp(-first.gain / 2 / lot.misfit()))
+    one = ("unit",), lot.values[None], np.zeros((1, len(spread())))
+    named = [bool(lot.own.outsiders(*one, np.array([far]), chance)) for far in (1.0, np.inf)]
+    assert named == [False, True]
+
+
 @dataclass(frozen=True)
 class OneSidedPins:
     """Units as of `LinearSimulator`, but that pins carry on one side alone."""

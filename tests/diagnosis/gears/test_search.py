@@ -966,7 +966,7 @@ def test_what_promises_most_is_compared_once_it_took_three_steps(monkeypatch: py
     model, root = search.root.fit.model, search.root
     pins = [replace(PIN, indices={"pin": pin}) for pin in range(UNIT.pins)]
     promising = Trial(model.with_effects(HEAD), root.score - 50, root, first=True)
-    others = [Trial(model.with_effects(pin), root.score - 10, root) for pin in pins]
+    others = [Trial(model.with_effects(pin), root.score - 10, root, first=pin in pins[:7]) for pin in pins]
 
     def further(trial: Trial, score: object) -> Trial:
         falls = (800.0, -300.0, -600.0) if trial.added == (HEAD,) else (0.0,)
