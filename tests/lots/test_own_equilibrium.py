@@ -158,7 +158,9 @@ class LinearLot:
         return max(1.0, float(self.values @ np.linalg.solve(covariance, self.values)) / self.values.size)
 
     def found(self, chance: float) -> tuple[GrossError, ...]:
-        return self.own.gross_errors(self.values, np.zeros(len(self.own.simulator.parts.process)), chance, chance)
+        return self.own.gross_errors(
+            self.values, np.zeros(len(self.own.simulator.parts.process)), chance=chance, usual=chance
+        )
 
 
 @cache
@@ -224,24 +226,28 @@ def test_of_the_farthest_units_a_part_is_told_with_its_interval_or_several_kinds
     values, far = np.concatenate([lot.values[None], members]), np.arange(22.0)[::-1]
     serials = [f"unit {number}" for number in range(22)]
     middle = np.zeros((22, len(lot.own.simulator.parts.process)))
-    (unclear,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.01)
+    (unclear,) = lot.own.outsiders(serials, values, middle, far, np.full(22, 0.01), level=22 * 0.01)
     assert unclear.serial == "unit 0"
     assert unclear.causes == ()  # a cam or a bore
     assert {name.split(" ")[0] for name in unclear.rivals} == {CAM, BORE}
-    (found,) = lot.own.outsiders(serials, values, middle, far, 22 * 0.3)
+    (found,) = lot.own.outsiders(serials, values, middle, far, np.full(22, 0.3), level=22 * 0.3)
     first, *_ = lot.found(0.3)
     (shift,) = found.causes
     assert shift.size.value == pytest.approx(first.sizes[0])
     assert shift.size.high - shift.size.value == pytest.approx(1.96 * first.errors[0])
-    assert not lot.own.outsiders(serials, values, middle, -far, 22 * 0.3)  # it is the nearest now
-    assert lot.own.outsiders(serials, values, middle, np.where(far == 21, np.inf, -far), 22 * 0.3)  # but suspected
+    # it is the nearest now, and then suspected all the same
+    assert not lot.own.outsiders(serials, values, middle, -far, np.full(22, 0.3), level=22 * 0.3)
+    assert lot.own.outsiders(serials, values, middle, -far, np.where(far == 21, 0.4, 0.3), level=22 * 0.3)
 
 
 def test_parts_are_asked_for_beyond_the_distance_that_a_share_of_the_members_exceeds() -> None:
     """A chi-square; a member that is nearer needs no part, whatever the odds are."""
     lot = linear_lot()
     share = float(scipy.stats.chi2.sf(lot.misfit() * lot.values.size, lot.values.size))
-    asked = [lot.own.gross_errors(lot.values, np.zeros(len(spread())), 0.3, times * share) for times in (0.9, 1.1)]
+    asked = [
+        lot.own.gross_errors(lot.values, np.zeros(len(spread())), chance=0.3, usual=times * share)
+        for times in (0.9, 1.1)
+    ]
     assert [bool(some) for some in asked] == [False, True]
 
 
@@ -252,7 +258,7 @@ def test_a_suspect_is_asked_where_others_are_near_enough() -> None:
     share = float(scipy.stats.chi2.sf(lot.misfit() * lot.values.size, lot.values.size))
     chance = math.sqrt(share * math.exp(-first.gain / 2 / lot.misfit()))
     one = ("unit",), lot.values[None], np.zeros((1, len(spread())))
-    named = [bool(lot.own.outsiders(*one, np.array([far]), chance)) for far in (1.0, np.inf)]
+    named = [bool(lot.own.outsiders(*one, np.ones(1), np.array([beyond]), level=chance)) for beyond in (chance, 0.05)]
     assert named == [False, True]
 
 
@@ -290,13 +296,13 @@ def test_a_part_is_sought_as_thoroughly_as_a_member(seed: int) -> None:
     assert solved is not None
     noise = rng.standard_normal(30)
     wide = np.where(parts.effect == gross, [p.plausible for p in parts.parameters], spread())
-    first, *_ = own.gross_errors(solved.values + noise, np.zeros(len(errors)), 0.01, 0.01)
+    first, *_ = own.gross_errors(solved.values + noise, np.zeros(len(errors)), chance=0.01, usual=0.01)
     assert first.effect == gross
     assert first.unit.distance < np.sum((errors / wide) ** 2) + noise @ noise
     errors[parts.effect == gross] = spread()[parts.effect == gross]
     member = solve(np.concatenate([errors, np.zeros(COMPLIANCES)]))
     assert member is not None
-    assert own.gross_errors(member.values + noise, np.zeros(len(errors)), 0.01, 0.01) == ()
+    assert own.gross_errors(member.values + noise, np.zeros(len(errors)), chance=0.01, usual=0.01) == ()
 
 
 def test_errors_of_an_estimate_are_no_gross_errors() -> None:
@@ -329,7 +335,7 @@ def test_a_gross_error_is_told_though_contacts_open(key: str) -> None:
     parts, truth = own.simulator.parts, (0.04, -0.03)
     effect = next(number for number, one in enumerate(parts.effects) if one.key == key)
     errors[:, parts.effect == effect] = truth
-    found = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), CHANCE, CHANCE)
+    found = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), chance=CHANCE, usual=CHANCE)
     mirror = {name: 1 - int(at) for name, at in parts.effects[effect].indices.items()}
     there = [parts.effects[one.effect].indices for one in found]
     assert there[0] in (parts.effects[effect].indices, mirror)
@@ -345,7 +351,7 @@ def test_the_mirror_image_is_told_whatever_its_odds() -> None:
     own, (errors, noise) = lot_at_light_load(), drawn(1)
     parts = own.simulator.parts
     errors[:, parts.effect == 0] = (0.04, -0.03)
-    first, *others = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), 0.99, 0.99)
+    first, *others = own.gross_errors(measured(errors, noise)[0], np.zeros(len(spread())), chance=0.99, usual=0.99)
     (mirror,) = [parts.effects[one.effect] for one in others]
     assert mirror.key == parts.effects[first.effect].key
     assert mirror.indices == {name: 1 - int(at) for name, at in parts.effects[first.effect].indices.items()}
@@ -356,7 +362,14 @@ def test_a_unit_is_named_with_its_part_and_with_those_that_do_the_same() -> None
     own, (errors, noise) = lot_at_light_load(), drawn(2)
     parts = own.simulator.parts
     errors[1, parts.effect == 0] = (0.04, -0.03)
-    found = own.outsiders(("sound", "spoilt"), measured(errors, noise), 0 * errors, np.array([1.0, 2.0]), 2 * CHANCE)
+    found = own.outsiders(
+        ("sound", "spoilt"),
+        measured(errors, noise),
+        0 * errors,
+        np.array([1.0, 2.0]),
+        np.full(2, CHANCE),
+        level=2 * CHANCE,
+    )
     assert [one.serial for one in found] == ["spoilt"]
     assert found[0].chance < 2 * CHANCE
     assert {one.key for one in found[0].causes} == {CAM}
@@ -367,15 +380,15 @@ def test_a_unit_is_named_with_its_part_and_with_those_that_do_the_same() -> None
 def test_a_member_has_no_gross_error() -> None:
     own, (errors, noise) = lot_at_light_load(), drawn(4)
     for unit in measured(errors, noise):
-        assert own.gross_errors(unit, np.zeros(len(spread())), CHANCE, CHANCE) == ()
+        assert own.gross_errors(unit, np.zeros(len(spread())), chance=CHANCE, usual=CHANCE) == ()
 
 
 def test_the_means_of_a_unit_are_where_its_group_has_them() -> None:
     own, (errors, noise) = lot_at_light_load(), drawn(1)
     shift = np.where(own.simulator.parts.effect == 0, 0.05, 0.0)  # one cam's
     values = measured(errors + shift, noise)[0]
-    assert own.gross_errors(values, shift, CHANCE, CHANCE) == ()
-    assert own.gross_errors(values, 0 * shift, CHANCE, CHANCE)
+    assert own.gross_errors(values, shift, chance=CHANCE, usual=CHANCE) == ()
+    assert own.gross_errors(values, 0 * shift, chance=CHANCE, usual=CHANCE)
 
 
 def test_stiffnesses_are_uncertain_to_first_order() -> None:

@@ -19,13 +19,13 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError, refusing
 from rverror.base.text import shown
-from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, split_unit
+from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, orders_about, split_unit
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
 #: Header keys that say when a run was measured, with an example; the first that all runs have counts.
 CLOCKS = {"hours": "120", "cycles": "2e5", "date": "2026-03-01"}
-_NEAR, _WIDE = 16, 1.6  # orders to either side, at least, whose noise is alike; and the times an order
+_NEAR = 16  # orders to either side, at least, whose noise is alike
 # steps of amplitudes of which noise is told at least: their lower quartile is known to a sixth then.
 _POOLED = 150
 _MEDIAN = 0.4549  # of a chi-square of one degree of freedom
@@ -273,10 +273,8 @@ def _noise(off: Array, conditions: int) -> Array:
     """
     power = (off.reshape(len(off), conditions, 2, -1) ** 2).mean(axis=2)  # its variance times an exponential of mean 1
     orders, near = np.arange(power.shape[2]), max(_NEAR, -(-_POOLED // (2 * len(power))))
-    found = np.empty(power.shape[1:])
-    for k in orders:
-        alike = (orders >= min(k / _WIDE, k - near)) & (orders <= max(k * _WIDE, k + near)) & (orders > 0)
-        found[:, k] = np.quantile(power[:, :, alike], 0.25, axis=(0, 2)) / (chi_square(0.75, 2) / 2)
+    about = [power[:, :, orders_about(orders, k, near)] for k in orders]
+    found = np.array([np.quantile(some, 0.25, axis=(0, 2)) for some in about]).T / (chi_square(0.75, 2) / 2)
     found[:, 0] *= 2  # order 0 is the offset times the root of two
     return np.tile(found[:, None], (1, 2, 1)).reshape(-1)
 

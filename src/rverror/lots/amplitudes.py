@@ -386,10 +386,28 @@ def _noise(values: Array, conditions: int, *, marked: bool = True) -> Array:
     freedom, found = 2 * (int(alike.sum()) - marked), np.empty_like(power)
     level, orders = np.log(np.maximum(power, np.finfo(np.float64).tiny)), np.arange(1, power.shape[1] + 1)
     for at, k in enumerate(orders):
-        near = (orders >= min(k / _WIDE, k - _LEAST_WIDE)) & (orders <= max(k * _WIDE, k + _LEAST_WIDE))
+        near = orders_about(orders, k, _LEAST_WIDE)
         fall = np.log((orders[near] ** 2 + _FLAT**2) / (k**2 + _FLAT**2))
         found[:, at] = [_lower_quartile(fall, one) for one in level[:, near]]
     return np.tile((np.exp(found) * freedom / chi_square(1 - _QUARTER, freedom))[:, None], (1, 2, 1)).reshape(-1)
+
+
+def orders_about(orders: npt.NDArray[np.intp], order: int, least: int) -> npt.NDArray[np.bool_]:
+    """Orders beside which an order's noise is told: from 1 / 1.6 to 1.6 times it, some to either side at least.
+
+    Parameters
+    ----------
+    orders : ndarray of int, shape (k,)
+        Order 0 is left out.
+    order : int
+    least : int
+        Orders to either side.
+
+    Returns
+    -------
+    ndarray of bool, shape (k,)
+    """
+    return (orders >= min(order / _WIDE, order - least)) & (orders <= max(order * _WIDE, order + least)) & (orders > 0)
 
 
 def _lower_quartile(at: Array, values: Array) -> float:

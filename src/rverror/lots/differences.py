@@ -237,8 +237,7 @@ class Fits:
         alike = {n: at for n, at in named.items() if at.keys() == one.indices.keys()}
         if not one.indices.keys() - {"harmonic"} or len({tuple(at.values()) for at in alike.values()}) > _INSTANCES:
             return set()
-        own = one.indices.items()
-        return {n for n, at in alike.items() if all((at[name] == index) == (name == "harmonic") for name, index in own)}
+        return {n for n, at in alike.items() if all((at[i] == one.indices[i]) == (i == "harmonic") for i in at)}
 
     def _same(self, one: int, other: int) -> bool:
         """Whether two candidates are about the same parts."""

@@ -42,6 +42,7 @@ from rverror.tolerances.distribution import OUTSIDE
 LEVEL = 0.01
 _DRAWN = 200  # units with influences, the same in every step: as many as a lot often has, so that both are as exact
 _SPOILT = 0.2  # of the units that may be no members
+_ASKED = 0.05  # share of the members beyond whose distance suspects are asked for their part: one in 20 in vain
 _SUSPECTED = 0.5  # share of sound lots with a unit as far away, below which it is left out of the estimate
 _ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
@@ -244,13 +245,14 @@ def _clean(
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)
-    suspected = np.isin(np.compress(asked, amplitudes.serials), [one.serial for one in suspects])
+    suspected = np.isin(amplitudes.serials, [*found.suspects, *(one.serial for one in odd)])
     more = OwnEquilibrium.of(simulator, estimate, seed).outsiders(
         tuple(compress(amplitudes.serials, asked)),
         (values - left)[asked] + away + estimate.draws.mean,
         middle[asked],
-        np.where(suspected, np.inf, np.einsum("ud,de,ue->u", away, weight, away)),
-        LEVEL / 2,
+        np.einsum("ud,de,ue->u", away, weight, away),
+        np.where(suspected[asked], _ASKED, LEVEL / 2 / asked.sum()),
+        level=LEVEL / 2,
     )
     return cleaned((*before.gross, *more))
 

@@ -176,16 +176,14 @@ class MomentMatching:
             state = self._stepped(state, distance, weights, 0.3)
         draws = self.simulator.draws(state, self.standard)
         for renewal in range(_RENEWALS[again]):
-            before, weight = state, self._weight(state)
-            weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
+            before, (weight, weights) = state, self._weights_at(state)
             state, draws, distance = self._settled(state, draws, weights)
             if again and not renewal and distance.chi_square > chi_square(_DOUBTED, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
         else:  # by weights of another state errors are those of another one too
-            weight = self._weight(state)
-            weights = self._weights(self.simulator.draws(state, self.others), weight, both=True)
+            weight, weights = self._weights_at(state)
             distance = self._distance(draws, state, weights)
         return self._told(state, draws, distance, weights, weight)
 
@@ -227,8 +225,7 @@ class MomentMatching:
 
     def _by_its_own(self, state: State, draws: Draws) -> float:
         """Objective of a state by weights that are made there."""
-        weights = self._weights(self.simulator.draws(state, self.others), self._weight(state), both=True)
-        return self._distance(draws, state, weights).objective
+        return self._distance(draws, state, self._weights_at(state)[1]).objective
 
     def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
         """States in which one of two processes that are hard to tell apart makes what both did."""
@@ -259,6 +256,11 @@ class MomentMatching:
         amplitudes = self.simulator.amplitudes
         made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
         return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~amplitudes.same_order) + np.eye(len(made))))
+
+    def _weights_at(self, state: State) -> tuple[Array, _Weights]:
+        """Inverse covariance of the amplitudes of a state's units, and the weights that are made with it."""
+        weight = self._weight(state)
+        return weight, self._weights(self.simulator.draws(state, self.others), weight, both=True)
 
     def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""

@@ -25,7 +25,6 @@ from rverror.lots.simulated import COMPLIANCES, Simulator, Solve, State
 
 _FEW = 12  # parts of a kind that are told by themselves: a pin or lobe that is gross carries nothing, and hides
 _SUSPECTS = 20  # least likely units that are fitted: half a second each, a tenth of a lot's time
-_ASKED = 0.05  # share of the members beyond whose distance suspects are asked for their part: one in 20 in vain
 _HOPS = 16  # to other local minima: of members that the first fit left far away each came near enough in one of three
 _DIRECTIONS, _RADII = 8, (1.0, 2.0)  # of sizes that fits start from, over the plausible one: 30 to 90 um are near
 _FITTED = 2  # of these for each part, those of the best score to first order; one where a member does as well
@@ -237,7 +236,7 @@ class OwnEquilibrium:
         return cls(simulator, replace(estimate.state, deviation=deviation), root, seed)
 
     def outsiders(
-        self, serials: Sequence[str], values: Array, middle: Array, far: Array, level: float
+        self, serials: Sequence[str], values: Array, middle: Array, far: Array, share: Array, *, level: float
     ) -> tuple[Outsider, ...]:
         """Units of which their own equilibrium tells that they are no members, of those suspected and the farthest.
 
@@ -249,8 +248,9 @@ class OwnEquilibrium:
         middle : ndarray, shape (units, components)
             Mean errors of the parts of each.
         far : ndarray, shape (units,)
-            Squared distances, were all linear; infinite of suspects, whose parts are asked for even where the nearest
-            member is not much too far away.
+            Squared distances, were all linear.
+        share : ndarray, shape (units,)
+            Of the members, beyond whose distance a unit's parts are asked for; units of a larger share come first.
         level : float
             Chance of one in a lot without any.
 
@@ -260,9 +260,8 @@ class OwnEquilibrium:
             Without causes where parts of several kinds do it, which are then among the rivals.
         """
         found, effects = list[Outsider](), self.simulator.parts.effects
-        suspects, chance = np.argsort(-far)[:_SUSPECTS].tolist(), level / len(serials)
-        usual = np.where(np.isinf(far), _ASKED, chance)
-        asked = each(lambda unit: self.gross_errors(values[unit], middle[unit], chance, usual[unit]), suspects)
+        suspects, chance = np.lexsort((-far, -share))[:_SUSPECTS].tolist(), level / len(serials)
+        asked = each(lambda at: self.gross_errors(values[at], middle[at], chance=chance, usual=share[at]), suspects)
         for unit, errors in zip(suspects, asked, strict=True):
             if errors:
                 names = [describe(effects[one.effect].key, effects[one.effect].indices) for one in errors]
@@ -272,7 +271,7 @@ class OwnEquilibrium:
                 found.append(Outsider(serials[unit], errors[0].gain, chance, causes, tuple(rivals)))
         return tuple(found)
 
-    def gross_errors(self, values: Array, middle: Array, chance: float, usual: float) -> tuple[GrossError, ...]:
+    def gross_errors(self, values: Array, middle: Array, *, chance: float, usual: float) -> tuple[GrossError, ...]:
         """Gross errors one of which has made a unit, the likeliest first; none where it may be a member.
 
         Parameters
