@@ -65,7 +65,7 @@ def told(seed: int) -> None:
     fresh = rng.standard_normal((3 * simulator.scale.size, count))
     drawn = simulator.draws(state, standard)
     matching = MomentMatching(simulator, sample_of(drawn.values), standard, standard, fresh, question.least, print)
-    weight = matching._weight(state)
+    weight = matching._weight(simulator.values(state, fresh))
     theta = 2 * np.pi * np.arange(make.SAMPLES) / make.SAMPLES
 
     def amplitudes(errors: list[Error]) -> Array:

@@ -46,6 +46,9 @@ _ASKED = 0.05  # share of the members beyond whose distance suspects are asked f
 _SUSPECTED = 0.5  # share of sound lots with a unit as far away, below which it is left out of the estimate
 _ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
+# times the amplitudes, and at least: units of which the covariance and the mean influences of an estimate are made.  A
+# covariance of n units takes d/n off a chi-square of d amplitudes; noise in the influences of 200 halved shifts
+_FRESH = (6, 800)
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
@@ -177,7 +180,7 @@ def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed:
     rng = np.random.default_rng(seed)
     count = len(simulator.parts.process)
     standard, others = rng.standard_normal((2, _DRAWN, count))
-    fresh = rng.standard_normal((3 * simulator.scale.size, count))
+    fresh = rng.standard_normal((max(_FRESH[0] * simulator.scale.size, _FRESH[1]), count))
     sample = sample_of(cleaned.values[cleaned.kept], marked=simulator.amplitudes.marked)
     return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
 
@@ -195,14 +198,14 @@ def _clean(
     """Find how groups differ and means change, and what is then no member: by its own equilibrium too once the estimate
     has settled and the members are the same as before, or no other estimate follows.
 
-    Groups and changes are those of the units that were members before.  Units with either are left out of the
-    estimate, where enough remain: influences of the first order do not take all of it off.  Suspects are left out too,
-    lest gross errors widen a process until they are its members.  Where units by themselves would be more than a fifth,
-    they are the lot, and none is named.
+    Groups and changes are those of the units that were members before, and no suspects: one gross error outweighs a
+    shift of all.  Units with either are left out of the estimate, where enough remain: influences of the first order do
+    not take all of it off.  Suspects are left out too, lest gross errors widen a process until they are its members.
+    Where units by themselves would be more than a fifth, they are the lot, and none is named.
     """
-    amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.draws.influence
+    amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.influence
     candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
-    places = np.flatnonzero(before.members)
+    places = np.flatnonzero(before.members & ~np.isin(amplitudes.serials, before.suspects))
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
@@ -276,7 +279,7 @@ def _outsiders(
         tuple(compress(simulator.amplitudes.serials, some)),
         drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
         estimate.weight,
-        estimate.draws.influence,
+        estimate.influence,
         simulator.parts,
         marked=marked,
         level=_SUSPECTED,

@@ -29,7 +29,8 @@ _STEP = 4.0  # times which a variance changes in one step
 _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
 _STARTS = 2
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
-_SHARE = 0.3  # of the drawn covariance that is taken block by block: as many units are drawn as three times its size
+_WEIGHED = 3  # times the amplitudes: units of whose covariance the weights of a round are made
+_SHARE = 0.3  # of the drawn covariance that is taken block by block: units are few times its size
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,10 @@ class LotEstimate:
         Of the chi-square.
     draws : Draws
         Units of the state.
+    influence : ndarray, shape (d, components)
+        Mean change of a unit's amplitudes per core unit of each component, of more units than `draws` are.
     weight : ndarray, shape (d, d)
-        Inverse covariance of the amplitudes of one unit.
+        Inverse covariance of the amplitudes of one unit, of the same.
     """
 
     state: State
@@ -72,6 +75,7 @@ class LotEstimate:
     chi_square: float
     freedom: int
     draws: Draws = field(repr=False)
+    influence: Array = field(repr=False)
     weight: Array = field(repr=False)
 
     @property
@@ -102,7 +106,7 @@ class LotEstimate:
             Core units.  What the lot does not tell is as a workshop makes it, about the drawing's mean.
         """
         prior, draws = simulator.parts.plausible, self.draws
-        of, soft = draws.influence * prior, draws.by_compliance.mean(axis=0).T * STIFFNESS
+        of, soft = self.influence * prior, draws.by_compliance.mean(axis=0).T * STIFFNESS
         whole = draws.mean_covariance(units) + of @ of.T + soft @ soft.T
         scaled = rows * prior
         gain = np.linalg.solve(whole, of @ scaled.T).T
@@ -140,7 +144,8 @@ class MomentMatching:
     others : ndarray, shape (n, components)
         Others, of which statistics are made: a form that is made of a unit's own changes is larger for that unit.
     fresh : ndarray, shape (m, components)
-        Others, of which the inverse covariance of amplitudes is made.
+        Others, of the first of which the inverse covariance of amplitudes is made; of all of them that of the estimate,
+        and the mean influence.
     least : ndarray, shape (processes,)
         Standard deviations that no lot tells from none; what is less is drawn with these, as none has no slope.
     tell : callable
@@ -176,16 +181,16 @@ class MomentMatching:
             state = self._stepped(state, distance, weights, 0.3)
         draws = self.simulator.draws(state, self.standard)
         for renewal in range(_RENEWALS[again]):
-            before, (weight, weights) = state, self._weights_at(state)
+            before, weights = state, self._weights_at(state)
             state, draws, distance = self._settled(state, draws, weights)
             if again and not renewal and distance.chi_square > chi_square(_DOUBTED, self._freedom(weights)):
                 state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
         else:  # by weights of another state errors are those of another one too
-            weight, weights = self._weights_at(state)
+            weights = self._weights_at(state)
             distance = self._distance(draws, state, weights)
-        return self._told(state, draws, distance, weights, weight)
+        return self._told(state, draws, distance, weights)
 
     def _settled(self, state: State, draws: Draws, weights: _Weights) -> tuple[State, Draws, _Distance]:
         """Damped steps until the objective stays."""
@@ -225,7 +230,7 @@ class MomentMatching:
 
     def _by_its_own(self, state: State, draws: Draws) -> float:
         """Objective of a state by weights that are made there."""
-        return self._distance(draws, state, self._weights_at(state)[1]).objective
+        return self._distance(draws, state, self._weights_at(state)).objective
 
     def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
         """States in which one of two processes that are hard to tell apart makes what both did."""
@@ -250,17 +255,16 @@ class MomentMatching:
 
     # --- statistics ---------------------------------------------------------------------------------------------------
 
-    def _weight(self, state: State) -> Array:
+    def _weight(self, values: Array) -> Array:
         """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
-        values = self.simulator.values(state, self.fresh)
         amplitudes = self.simulator.amplitudes
         made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
         return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~amplitudes.same_order) + np.eye(len(made))))
 
-    def _weights_at(self, state: State) -> tuple[Array, _Weights]:
-        """Inverse covariance of the amplitudes of a state's units, and the weights that are made with it."""
-        weight = self._weight(state)
-        return weight, self._weights(self.simulator.draws(state, self.others), weight, both=True)
+    def _weights_at(self, state: State) -> _Weights:
+        """Weights that are made with the inverse covariance of the amplitudes of a state's units."""
+        weight = self._weight(self.simulator.values(state, self.fresh[: _WEIGHED * len(self.sample.mean)]))
+        return self._weights(self.simulator.draws(state, self.others), weight, both=True)
 
     def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""
@@ -346,12 +350,20 @@ class MomentMatching:
         change = np.concatenate([state.deviation**2 - before.deviation**2, state.compliance - before.compliance])
         return bool(change / unit @ information @ (change / unit) < len(change) / 9)
 
-    def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights, weight: Array) -> LotEstimate:
+    def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights) -> LotEstimate:
         unit, information, _ = self._normal(state, distance, weights)
-        covariance = np.linalg.pinv(information + 1e-4 * np.eye(len(unit)), hermitian=True) * np.outer(unit, unit)
+        # a variance is known no worse than by its prior, an exponential of this mean and standard deviation
+        prior = np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)])
+        known = information * np.outer(prior / unit, prior / unit)
+        known += np.diag(np.repeat([1.0, 0.0], [len(self._workshop), COMPLIANCES]))
+        covariance = np.linalg.inv(known) * np.outer(prior, prior)
         freedom = self._freedom(weights)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
-        return LotEstimate(state, covariance, distance.chi_square, freedom, draws, weight)
+        blocks = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
+        fresh = [self.simulator.draws(state, some) for some in blocks]
+        influence = np.average([d.influence for d in fresh], axis=0, weights=[len(d.values) for d in fresh])
+        weight = self._weight(np.concatenate([d.values for d in fresh]))
+        return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
 
 
 def _inverse(matrix: Array) -> Array:
