@@ -249,14 +249,11 @@ def _clean(
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)
     suspected = np.isin(amplitudes.serials, [*found.suspects, *(one.serial for one in odd)])
-    more = OwnEquilibrium.of(simulator, estimate, seed).outsiders(
-        tuple(compress(amplitudes.serials, asked)),
-        (values - left)[asked] + away + estimate.draws.mean,
-        middle[asked],
-        np.einsum("ud,de,ue->u", away, weight, away),
-        np.where(suspected[asked], _ASKED, LEVEL / 2 / asked.sum()),
-        level=LEVEL / 2,
-    )
+    asked_beyond = np.where(suspected[asked], _ASKED, LEVEL / 2 / asked.sum())
+    far = np.einsum("ud,de,ue->u", away, weight, away)
+    units, theirs = (values - left)[asked] + away + estimate.draws.mean, tuple(compress(amplitudes.serials, asked))
+    own = OwnEquilibrium.of(simulator, estimate, seed)
+    more = own.outsiders(theirs, units, middle[asked], far, asked_beyond, level=LEVEL / 2)
     return cleaned((*before.gross, *more))
 
 
@@ -271,19 +268,13 @@ def _outsiders(
 
     After a change what is left of it would make its units no members.
     """
-    rng = np.random.default_rng(seed + 1)
+    rng, marked = np.random.default_rng(seed + 1), simulator.amplitudes.marked
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
-    marked = simulator.amplitudes.marked
-    return outsiders(
-        values[some] - marked * np.median(values[some], axis=0),
-        tuple(compress(simulator.amplitudes.serials, some)),
-        drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape),
-        estimate.weight,
-        estimate.influence,
-        simulator.parts,
-        marked=marked,
-        level=_SUSPECTED,
-    )
+    members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    units, serials = values[some], tuple(compress(simulator.amplitudes.serials, some))
+    units = units - marked * np.median(units, axis=0)
+    of = estimate.weight, estimate.influence, simulator.parts
+    return outsiders(units, serials, members, *of, marked=marked, level=_SUSPECTED)
 
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
@@ -426,13 +417,9 @@ def _predicted(
         value, more = float(np.quantile(own, _SHARE)), float(spread[number])
         places = len(own) * _SHARE + 1.96 * _SIDE * np.array([-1, 1])
         low, high = own[math.floor(places[0])], own[math.ceil(places[1])]
-        quantile = Interval(
-            value,
-            value - math.hypot(1.96 * value * more, value - low),
-            value + math.hypot(1.96 * value * more, high - value),
-        )
+        down, up = (math.hypot(1.96 * value * more, side) for side in (value - low, high - value))
         told = float(measured.mean()), float(np.quantile(measured, _SHARE))
-        found.append(Predicted(str(condition), float(own.mean()), quantile, told))
+        found.append(Predicted(str(condition), float(own.mean()), Interval(value, value - down, value + up), told))
     return tuple(found)
 
 

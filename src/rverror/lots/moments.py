@@ -353,16 +353,17 @@ class MomentMatching:
     def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights) -> LotEstimate:
         unit, information, _ = self._normal(state, distance, weights)
         # a variance is known no worse than by its prior, an exponential of this mean and standard deviation
-        prior = np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)])
-        known = information * np.outer(prior / unit, prior / unit)
-        known += np.diag(np.repeat([1.0, 0.0], [len(self._workshop), COMPLIANCES]))
-        covariance = np.linalg.inv(known) * np.outer(prior, prior)
-        freedom = self._freedom(weights)
+        prior, freedom = (
+            np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)]),
+            self._freedom(weights),
+        )
+        known = information * np.outer(prior / unit, prior / unit) + np.diag(np.arange(len(unit)) < len(self._workshop))
+        covariance = np.asarray(np.linalg.inv(known) * np.outer(prior, prior))
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
-        blocks = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
-        fresh = [self.simulator.draws(state, some) for some in blocks]
-        influence = np.average([d.influence for d in fresh], axis=0, weights=[len(d.values) for d in fresh])
-        weight = self._weight(np.concatenate([d.values for d in fresh]))
+        parts = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
+        fresh = [self.simulator.draws(state, some) for some in parts]
+        influence = np.asarray(np.mean([some.influence for some in fresh], axis=0))
+        weight = self._weight(np.concatenate([some.values for some in fresh]))
         return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
 
 
