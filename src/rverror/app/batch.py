@@ -151,7 +151,7 @@ def diagnose_folder(
     mapping : str or path-like, optional
         How the bench names its columns, for all units.
     pages : bool
-        Whether each unit gets its page ``OUT/<unit>.html`` too, and all of them ``OUT/summary.html``, failures first.
+        Whether each unit gets its page ``OUT/<unit>.html``, and all ``OUT/summary.html``, undiagnosed units first.
         A result whose page is missing or of another result is made again.
     executor : concurrent.futures.Executor, optional
         Where the work is done; it stays open.  Its workers read the files of `folder` themselves, under its absolute

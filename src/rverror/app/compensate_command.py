@@ -48,7 +48,7 @@ from rverror.views.report import to_text
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
             '"20 N*m"',
-            "output torque of the table (default: those of the runs); repeat it for a json table of several",
+            "output torque of the table (default: the middle one of the runs); json has all, and each given",
             size="torque",
             action="append",
         ),

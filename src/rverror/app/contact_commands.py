@@ -65,7 +65,7 @@ _OF_FRICTION = {"model": option("MODEL.toml", "with [reducer.friction]", reads=T
 
 
 def _angles(count: int) -> dict[str, Any]:
-    help_text = f"number of output angles, evenly over a turn (default {count})"
+    help_text = f"output angles, evenly spaced over a turn (default {count})"
     return {"--count": number(help_text, least=1, default=count)}
 
 

@@ -92,7 +92,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         **output("FOLDER", "folder for UNIT.json of each unit and summary.csv", writes=False, required=True),
         "--model": option("MODEL.toml", "model of every unit that has no model.toml of its own"),
         **MAPPING,
-        "--pages --html": flag("also write UNIT.html of each, and summary.html with links to them, failures first"),
+        "--pages --html": flag("also write UNIT.html of each, and summary.html with links, undiagnosed ones first"),
         "--jobs": number("processes (default: one for each core)", least=1),
     },
 )

@@ -32,7 +32,7 @@ _OUTPUTS = {**MAPPING, **results()}
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
             '"lost motion 90 arcsec"',
-            "limit of the lost motion, or 'transmission error 60 arcsec': reports how long the unit still meets it",
+            "limit of the lost motion, or 'transmission error 60 arcsec': reports how long the unit will meet it",
         ),
         **_OUTPUTS,
     },
@@ -41,7 +41,7 @@ def _trend(options: argparse.Namespace) -> None:
     """What grows or jumps in a unit that is measured repeatedly.
 
     Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long
-    the unit still meets a limit.
+    the unit will meet a limit.
     """
     wanted = _limit(options.limit)
     paths = _listed(options, options.runs)

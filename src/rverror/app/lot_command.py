@@ -53,7 +53,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option("TOL.toml", "drawing tolerances, to select processes and get Cp, Cpk", reads=True),
+        "--tolerances": option("TOL.toml", "drawing tolerances: estimate these alone, with Cp, Cpk", reads=True),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
@@ -72,7 +72,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
 def _lot(options: argparse.Namespace) -> None:
     """Scatter of each manufacturing process, or orders common to many drives, from measured units.
 
-    Estimates from the runs of many finished units the scatter and the systematic error of each manufacturing process,
+    Estimates the scatter and the systematic error of each manufacturing process from the runs of many finished units,
     and names outliers: units whose errors do not fit that scatter. For drives it finds the orders that all share.
     """
     if options.compress is not None and len(options.outputs) > 1:

@@ -50,9 +50,9 @@ from rverror.views.report import to_csv
     },
 )
 def _match(options: argparse.Namespace) -> None:
-    """Which measured parts to assemble so that most units meet their limits.
+    """Which measured parts to combine so that the most units meet limits.
 
-    Chooses from stocks of measured parts which to assemble and in which position, so that as many units as possible
+    Chooses from stocks of measured parts which to combine and in which position, so that as many units as possible
     meet their limits, and compares that with parts taken at random. Files of parts: see docs/measured-parts.md.
     """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):

@@ -49,7 +49,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         ),
         **arm_option("a weight in place of a torque", "; the run has a column output_torque"),
         "--method": choice(
-            ("closed", "equilibrium"), "closed", "closed form (default), or loaded by --torque: contacts may separate"
+            ("closed", "equilibrium"), "closed", "closed form (default), or equilibrium under load: contacts may open"
         ),
         "--direction": choice(WAYS, "forward", "of motion (default forward)"),
         "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),

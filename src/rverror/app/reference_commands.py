@@ -70,7 +70,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml", "for measured THEIR.csv: model whose [bench.encoders] gives its uncertainty", reads=True
+            "MODEL.toml", "if THEIR.csv was measured: model with [bench.encoders], for uncertainty", reads=True
         ),
         **results(),
     },

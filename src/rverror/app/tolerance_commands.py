@@ -46,7 +46,7 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = f"output torques of the error under load (default, if computed: rated torque and 20 N*m){beside}"
+    torques = f"output torques to compute the error at (default under load: rated torque and 20 N*m){beside}"
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -135,8 +135,8 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "the limit holds for units computed under load (load, default), for a closed-form quantile of the "
-            "peak-to-peak, contacts closed (yield, default of a drive and with --speed), or for its worst case (worst)",
+            "what must meet the limit: load, units computed under load (default); yield, the closed-form quantile of "
+            "the peak-to-peak (default of a drive and with --speed); worst, the closed-form worst case",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),

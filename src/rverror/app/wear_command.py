@@ -41,16 +41,16 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient of all bodies, or of one, 'pin=2e-10 mm^3/(N*m)' ({', '.join(BODIES)}); "
-            "or the clearance that a crank's bearing (in disc, in carrier) or spline gains per load and turn, "
-            f"'spline=1e-8 um/kN' ({', '.join(JOINTS)}). Repeat it for more",
+            f"Archard's wear coefficient of {', '.join(BODIES)} alike or of one, 'pin=2e-10 mm^3/(N*m)'; or the "
+            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per load and crank turn (default none), "
+            "'spline=1e-8 um/kN'. Repeat it for more",
             action="append",
             required=True,
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
-            "running in: depth of roughness that wears off, then wear coefficient of the new surface, of all "
-            "bodies or of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
+            "running in: depth of roughness that wears off, then extra wear coefficient when new; of all bodies or "
+            "of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],
         ),

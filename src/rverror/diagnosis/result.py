@@ -23,7 +23,7 @@ class Residual:
 
     `rms` and `peak_to_peak` over all samples that were not set aside; `heldout_rms` of stretches that the fit did not
     see: every turn in its turn, or every sixth of a run of less than two.
-    Slips are taken off, and so are lines and what settles where the fit holds them.
+    Slips are taken off, and what settles where the fit holds it; lines stay in.
     """
 
     rms: float
@@ -127,7 +127,7 @@ class ElasticEstimate:
     declared, value, low, high : float
         As declared, as fitted, and its interval, core units.
     determined : bool
-        Whether the interval leaves less than half of the variance that it had before the runs.
+        Whether its variance is less than half of what it was before the runs.
     """
 
     name: str

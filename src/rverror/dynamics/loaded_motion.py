@@ -233,7 +233,7 @@ def loaded_motion(
     settled : Settled
         At all angles.
     theta : ndarray, shape (n,)
-        Those angles, evenly over one period.
+        Those angles, evenly spaced over one period.
     period : float
         rad.
     between : ndarray, shape (n, unknowns), optional

@@ -1,4 +1,4 @@
-"""What runs of a unit over its life say: causes that grow, jumps, and how long it still meets a limit."""
+"""What runs of a unit over its life say: causes that grow, jumps, and how long it will meet a limit."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Changed:
 
 @dataclass(frozen=True)
 class Remaining:
-    """How long a unit still meets a limit, if its causes go on as they do.
+    """How long a unit will meet a limit, if its causes go on as they do.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Matching: which measured parts to join, and how to turn them, so that most units keep their limits."""
+"""Matching: which measured parts to join and how to turn them so that the most units keep their limits."""
 
 from typing import TYPE_CHECKING
 

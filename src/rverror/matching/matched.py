@@ -49,7 +49,7 @@ def match(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Matched:
-    """Say which measured parts to join so that most units keep their limits at the load.
+    """Say which measured parts to join so that the most units meet limits at the load.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Assemblies of units as sums of waves, and the search for the one in which most units are within their limits.
+"""Assemblies of units as sums of waves, and the search for the one in which the most units are within limits.
 
 A unit's error wave is a base plus one wave a place, each over the limit: its largest section is 1 at the limit.
 Page ``theory/matching.md``.
