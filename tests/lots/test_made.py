@@ -23,7 +23,7 @@ from rverror.lots.made import lot
 from rverror.lots.moments import LotEstimate, MomentMatching, interval
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import UnitParts, processes_of
-from rverror.lots.result import Lot, Outsider
+from rverror.lots.result import Change, Lot, Outsider
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
 
@@ -452,15 +452,21 @@ def test_gross_errors_of_one_kind_widen_no_process(monkeypatch: pytest.MonkeyPat
 def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """A cam six standard deviations off, less than first order tells for sure."""
     spoilt = {5: rverror.effect("crank.eccentricity", disc=1, crank=0, radial="12 um")}
-    asked = list[str]()
+    asked, compared = list[str](), list[int]()
 
     def outsiders(self: OwnEquilibrium, serials: Sequence[str], *given: Array, level: float) -> tuple[Outsider, ...]:
         asked.extend(compress(serials, given[3] == max(given[3])))
         return ()
 
+    def changes_over_serial(values: Array, *_: object, **__: object) -> tuple[Change, ...]:
+        compared.append(len(values))
+        return ()
+
     monkeypatch.setattr(OwnEquilibrium, "outsiders", outsiders)
+    monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
     found = lot(MODEL, made(9, 42, SPREAD, 1.0, spoilt=spoilt), tolerances=TOLERANCES)
     assert (found.units, found.outsiders) == (41, ())
+    assert compared == [42, 41]  # nor is it one of the units that are compared with one another
     assert found.notes == ("far from the other units, and left out of the estimate: 005",)
     assert asked == ["005"]
     intervals_hold(found)
