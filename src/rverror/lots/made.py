@@ -430,7 +430,9 @@ _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantil
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:
     """Amplitudes of the drawn units in states that the lot does not tell from the estimate, by their own changes."""
     draws, state = estimate.draws, estimate.state
-    root = np.linalg.cholesky(estimate.covariance + 1e-12 * np.diag(np.diag(estimate.covariance)))
+    size = np.sqrt(np.diag(estimate.covariance))
+    values, vectors = np.linalg.eigh(estimate.covariance / np.outer(size, size))  # not positive where one leaves none
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     for _ in range(_SETS):
         change, count = root @ rng.standard_normal(len(root)), len(state.deviation)
         deviation = np.sqrt(np.maximum(state.deviation**2 + change[:count], 0.0)) - state.deviation
