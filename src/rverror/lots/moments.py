@@ -26,7 +26,6 @@ _NARROW = 0.01  # of the statistics' variance: what some hundred units tell of a
 _RENEWALS = (2, 4)  # of the weights, until the state stays: at most, of a first estimate, and of one that begins nearer
 _SETTLED = 0.1  # fall of the objective, a chi-square
 _STEP = 4.0  # times which a variance changes in one step
-_BACK = 0.1  # of a workshop's deviation, which a step may give to a process that vanishes: with less a fit stays there
 _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
 _STARTS = 2
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
@@ -325,7 +324,7 @@ class MomentMatching:
         information = information + np.diag(np.r_[np.full(count, damping), np.zeros(COMPLIANCES)] + 1e-6)
         now = np.concatenate([state.deviation**2, state.compliance])
         low = np.concatenate([np.maximum(least**2, state.deviation**2 / _STEP), state.compliance - 0.3])
-        most = np.maximum(state.deviation**2 * _STEP, (_BACK * self._workshop) ** 2)
+        most = np.maximum(state.deviation**2 * _STEP, (10 * least) ** 2)
         high = np.concatenate([most, state.compliance + 0.3])
         factor = np.linalg.cholesky(information)
         found = scipy.optimize.lsq_linear(
@@ -354,12 +353,10 @@ class MomentMatching:
     def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights) -> LotEstimate:
         unit, information, _ = self._normal(state, distance, weights)
         # a variance is known no worse than by its prior, an exponential of this mean and standard deviation
-        prior, freedom = (
-            np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)]),
-            self._freedom(weights),
-        )
+        prior = np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)])
         known = information * np.outer(prior / unit, prior / unit) + np.diag(np.arange(len(unit)) < len(self._workshop))
-        covariance = np.asarray(np.linalg.inv(known) * np.outer(prior, prior))
+        size, freedom = np.sqrt(np.diag(known)), self._freedom(weights)
+        covariance = np.linalg.pinv(known / np.outer(size, size), hermitian=True) * np.outer(prior / size, prior / size)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
         parts = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
         fresh = [self.simulator.draws(state, some) for some in parts]
