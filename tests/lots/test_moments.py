@@ -48,12 +48,14 @@ def question() -> Question:
     return question_of(Model(UNIT), amplitudes, processes_of(Model(UNIT), runs[0], tolerances), 0)
 
 
-def estimated(question: Question, true: State, seed: int, drawn: int = 100, fresh: int = 120) -> LotEstimate:
+def estimated(
+    question: Question, true: State, seed: int, drawn: int = 100, fresh: int = 120, units: float = 200
+) -> LotEstimate:
     rng, count = np.random.default_rng(seed), len(question.simulator.parts.process)
     values = question.simulator.values(true, rng.standard_normal((200, count)))
     values = values + rng.standard_normal(values.shape)
     standard, others, further = (rng.standard_normal((n, count)) for n in (drawn, drawn, fresh))
-    sample = sample_of(values)
+    sample = replace(sample_of(values), units=units)
     matching = MomentMatching(
         question.simulator, sample, standard - standard.mean(axis=0), others, further, question.least, print
     )
@@ -99,6 +101,15 @@ def test_how_well_a_process_is_known_to_vanish_is_no_matter_of_what_is_drawn_in_
         assert found.state.deviation[radius] < 4 * part.least[radius]
         ends.append(interval(float(found.state.deviation[radius] ** 2), float(found.variance_error[radius]))[1])
     assert ends[1] > 0.7 * ends[0]
+
+
+def test_no_variance_is_known_worse_than_by_its_prior(question: Question) -> None:
+    """Minus twice the logarithm of it is v / w^2, w a workshop's deviation: an exponential.  One unit has no
+    covariance; its mean says next to nothing of some processes."""
+    found = estimated(question, State(question.least, np.zeros(COMPLIANCES)), seed=3, units=1 + 1e-12)
+    workshop = np.array([process.plausible for process in question.simulator.parts.processes])
+    known = found.variance_error / scipy.stats.expon(scale=2 * workshop**2).std()
+    assert 0.9 < known.max() < 1
 
 
 def test_statistics_are_made_of_other_units_than_those_they_are_compared_with(question: Question) -> None:

@@ -249,11 +249,11 @@ def _clean(
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)
     suspected = np.isin(amplitudes.serials, [*found.suspects, *(one.serial for one in odd)])
-    asked_beyond = np.where(suspected[asked], _ASKED, LEVEL / 2 / asked.sum())
+    share = np.where(suspected[asked], _ASKED, LEVEL / 2 / asked.sum())
     far = np.einsum("ud,de,ue->u", away, weight, away)
     units, theirs = (values - left)[asked] + away + estimate.draws.mean, tuple(compress(amplitudes.serials, asked))
     own = OwnEquilibrium.of(simulator, estimate, seed)
-    more = own.outsiders(theirs, units, middle[asked], far, asked_beyond, level=LEVEL / 2)
+    more = own.outsiders(theirs, units, middle[asked], far, share, level=LEVEL / 2)
     return cleaned((*before.gross, *more))
 
 
@@ -273,8 +273,8 @@ def _outsiders(
     members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
     units, serials = values[some], tuple(compress(simulator.amplitudes.serials, some))
     units = units - marked * np.median(units, axis=0)
-    of = estimate.weight, estimate.influence, simulator.parts
-    return outsiders(units, serials, members, *of, marked=marked, level=_SUSPECTED)
+    weight, influence, parts = estimate.weight, estimate.influence, simulator.parts
+    return outsiders(units, serials, members, weight, influence, parts, marked=marked, level=_SUSPECTED)
 
 
 def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
@@ -430,11 +430,9 @@ _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantil
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:
     """Amplitudes of the drawn units in states that the lot does not tell from the estimate, by their own changes."""
     draws, state = estimate.draws, estimate.state
-    size = np.sqrt(np.diag(estimate.covariance))
-    values, vectors = np.linalg.eigh(estimate.covariance / np.outer(size, size))  # not positive where one leaves none
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    for _ in range(_SETS):
-        change, count = root @ rng.standard_normal(len(root)), len(state.deviation)
+    size, count = np.sqrt(np.diag(estimate.covariance)), len(state.deviation)
+    alike = estimate.covariance / np.outer(size, size)  # hardly positive where the lot leaves a sum of processes alone
+    for change in size * rng.multivariate_normal(np.zeros(len(size)), alike, _SETS, check_valid="ignore"):
         deviation = np.sqrt(np.maximum(state.deviation**2 + change[:count], 0.0)) - state.deviation
         yield (
             draws.values

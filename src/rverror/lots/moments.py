@@ -30,7 +30,7 @@ _EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and th
 _STARTS = 2
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
 _WEIGHED = 3  # times the amplitudes: units of whose covariance the weights of a round are made
-_SHARE = 0.3  # of the drawn covariance that is taken block by block: units are few times its size
+_SHARE = 0.3  # of the drawn covariance that is taken block by block: units are only a few times its size
 
 
 @dataclass(frozen=True)
@@ -358,8 +358,8 @@ class MomentMatching:
         size, freedom = np.sqrt(np.diag(known)), self._freedom(weights)
         covariance = np.linalg.pinv(known / np.outer(size, size), hermitian=True) * np.outer(prior / size, prior / size)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
-        parts = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
-        fresh = [self.simulator.draws(state, some) for some in parts]
+        blocks = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
+        fresh = [self.simulator.draws(state, some) for some in blocks]
         influence = np.asarray(np.mean([some.influence for some in fresh], axis=0))
         weight = self._weight(np.concatenate([some.values for some in fresh]))
         return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
