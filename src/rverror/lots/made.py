@@ -45,6 +45,7 @@ _SPOILT = 0.2  # of the units that may be no members
 _ASKED = 0.05  # share of the members beyond whose distance suspects are asked for their part: one in 20 in vain
 _SUSPECTED = 0.5  # share of sound lots with a unit as far away, below which it is left out of the estimate
 _ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
+_BOUND = 10.0  # times the usual power of a unit: two errors that make all of it exceed that in one of 1000
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
 # times the amplitudes, and at least: units of which the covariance and the mean influences of an estimate are made.  A
 # covariance of n units takes d/n off a chi-square of d amplitudes; noise in the influences of 200 halved shifts
@@ -131,16 +132,17 @@ def lot(
         raise InputError("no process shows in these runs at this load; measure at another torque, or with less noise")
     values = simulator.amplitudes.values * simulator.scale
     everyone = np.ones(len(values), np.bool_)
-    cleaned, state = _Cleaned(values, everyone, everyone), question.start
+    bounded = _bounded(values, marked=amplitudes.marked)
+    cleaned, state = _Cleaned(bounded, everyone, everyone), question.start
     for number in range(_ESTIMATES):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
         settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
         before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, settled=settled, last=last)
         state, same = estimate.state, cleaned.same == before.same
-        if same and settled:
+        if same and settled and (number > 0 or np.array_equal(bounded, values)):
             break
-        tell("once more, from elsewhere" if same else "once more, without units and groups that differ")
+        tell("once more, with all of each unit" if same else "once more, without units and groups that differ")
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
         model=model.mechanism.name,
@@ -183,6 +185,14 @@ def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed:
     fresh = rng.standard_normal((max(_FRESH[0] * simulator.scale.size, _FRESH[1]), count))
     sample = sample_of(cleaned.values[cleaned.kept], marked=simulator.amplitudes.marked)
     return MomentMatching(simulator, sample, standard - standard.mean(axis=0), others, fresh, question.least, tell)
+
+
+def _bounded(values: Array, *, marked: bool) -> Array:
+    """Amplitudes, no unit's with more than some times the usual power, lest gross errors widen a process (masking)."""
+    middle = np.median(values, axis=0) * marked
+    power = np.einsum("ud,ud->u", values - middle, values - middle)
+    share = np.sqrt(_BOUND * np.median(power) / power)[:, None]
+    return np.where(share < 1, middle + share * (values - middle), values)
 
 
 def _clean(

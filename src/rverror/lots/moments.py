@@ -20,16 +20,20 @@ from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
 #: Spread of the logarithm of a stiffness about what a model states, where it states none.
 STIFFNESS = 0.2
 _SMALL = 4.0  # times the least: below it the slope is that of a vanishing size, above it that of the drawn units
-_ROUNDS = (4, 8)  # with weights that follow the state; and steps at most with weights that are kept
-_ROUGH = 4  # every such unit is drawn in these first rounds, which only come near
+_ROUNDS = (4, 8)  # rough steps of a first estimate; and steps at most with weights that are kept
+_ROUGH = 4  # every such unit is drawn where an estimate need only come near
 _NARROW = 0.01  # of the statistics' variance: what some hundred units tell of a direction is not known better
 _RENEWALS = (2, 4)  # of the weights, until the state stays: at most, of a first estimate, and of one that begins nearer
 _SETTLED = 0.1  # fall of the objective, a chi-square
+_SIZES, _FARTHER = 4, 1.5  # tries of where an interval ends, and times that it does so farther than before
 _STEP = 4.0  # times which a variance changes in one step
-_EXCHANGED, _SHARED = 0.9, 0.1  # correlation of what two processes show; and the least share that is worth a start
-_STARTS = 2
+_AFTER = 3  # rough steps of a start
+_NEAR = 500.0  # deviance that these leave at most (430 in four lots): a start that is farther is given up
+_MAKES = 0.15  # of all power: processes without which there is a start
+_LEFT = 0.02  # of a workshop's deviation, with which processes that vanished begin again
+_LINEAR_STEPS = 40  # of the linear estimate, which need only come near
+_LIKELIER = 4.0  # fall of the deviance that is not chance
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
-_WEIGHED = 3  # times the amplitudes: units of whose covariance the weights of a round are made
 _SHARE = 0.3  # of the drawn covariance that is taken block by block: units are only a few times its size
 
 
@@ -131,6 +135,15 @@ class _Distance(NamedTuple):
     slope: Array  # (statistics, variances and compliances)
 
 
+class _Fit(NamedTuple):
+    """A state with the units that are drawn there, and how far their statistics are from a lot's."""
+
+    state: State
+    draws: Draws
+    weights: _Weights
+    distance: _Distance
+
+
 @dataclass(frozen=True)
 class MomentMatching:
     """The method of simulated moments for one lot.
@@ -172,25 +185,86 @@ class MomentMatching:
         -------
         LotEstimate
         """
-        for number in range(0 if again else _ROUNDS[0]):
-            draws = self.simulator.draws(state, self.standard[::_ROUGH])
-            # of a covariance that is too large where contacts open: nothing runs away by it
-            weights = self._weights(draws, np.asarray(np.linalg.inv(draws.covariance(state.deviation))))
-            distance = self._distance(draws, state, weights)
-            self.tell(f"round {number + 1}: chi-square {distance.objective:.3g}")
-            state = self._stepped(state, distance, weights, 0.3)
+        for _ in range(0 if again else _ROUNDS[0]):
+            state = self._rough(state)
+        fit = self._renewed(state, _RENEWALS[again])
+        if not again or fit.distance.chi_square > chi_square(_DOUBTED, self._freedom(fit.weights)):
+            fit = self._elsewhere(fit)
+        return self._told(fit)
+
+    def _renewed(self, state: State, times: int) -> _Fit:
+        """Steps with statistics that are made at a state, and again where it moves, until it stays."""
         draws = self.simulator.draws(state, self.standard)
-        for renewal in range(_RENEWALS[again]):
+        for _ in range(times):
             before, weights = state, self._weights_at(state)
             state, draws, distance = self._settled(state, draws, weights)
-            if again and not renewal and distance.chi_square > chi_square(_DOUBTED, self._freedom(weights)):
-                state, draws, distance = self._elsewhere(state, draws, distance, weights)
             if self._near(before, state, distance, weights):
                 break
-        else:  # by weights of another state errors are those of another one too
+        else:  # by statistics of another state errors are those of another one too
             weights = self._weights_at(state)
             distance = self._distance(draws, state, weights)
-        return self._told(state, draws, distance, weights)
+        return _Fit(state, draws, weights, distance)
+
+    def _rough(self, state: State) -> State:
+        """A step by few units and weights that follow the state."""
+        draws = self.simulator.draws(state, self.standard[::_ROUGH])
+        # of a covariance that is too large where contacts open: nothing runs away by it
+        weight = np.asarray(np.linalg.inv(draws.covariance(state.deviation)))
+        weights = self._weights(draws, weight, draws.squares, draws.values)
+        distance = self._distance(draws, state, weights)
+        self.tell(f"rough step: chi-square {distance.objective:.3g}")
+        return self._stepped(state, distance, weights, 0.3)
+
+    def _elsewhere(self, fit: _Fit) -> _Fit:
+        """The most likely of some fits: each of the others begins without one of the processes that make most.
+
+        Statistics that are made at a state are nearly blind to what others make where other contacts are open, so that
+        each fits its own; the likelihood of the whole covariance is not.
+        """
+        least = self._deviance(fit.state)
+        for start in self._without(fit.state):
+            try:
+                for _ in range(_AFTER):
+                    start = self._rough(start)
+                if self._deviance(start) > least + _NEAR:
+                    continue
+                other = self._renewed(start, 1)
+            except np.linalg.LinAlgError:  # so far off that statistics do not vary
+                continue
+            there = self._deviance(other.state)
+            self.tell(f"another start: deviance {there:.5g}, before {least:.5g}")
+            if there < least - _LIKELIER:
+                fit, least = other, there
+        return fit
+
+    def _deviance(self, state: State) -> float:
+        """Minus twice the logarithm of the likelihood and the prior, were amplitudes normal."""
+        amplitudes, values = self.simulator.amplitudes, self.simulator.values(state, np.array_split(self.fresh, 2)[0])
+        made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
+        made = made + np.eye(len(made))
+        misfit = np.trace(np.linalg.solve(made, self.sample.covariance)) + np.linalg.slogdet(made)[1]
+        return float(self.sample.units * misfit + self._prior(state))
+
+    def _without(self, state: State) -> list[State]:
+        """States in which one of the processes that make most makes nothing, and the others as much as is likely.
+
+        Were influences the same in all units, the covariance would be the sum of v J J' and that of noise, and each
+        step of the MM algorithm (Zhou, Hu, Qiao, Cho 2019) would make it likelier.
+        """
+        least = np.maximum(self.least, _LEFT * self._workshop) ** 2
+        some = np.maximum(state.deviation**2, least)
+        squares = self.simulator.draws(replace(state, deviation=np.sqrt(some)), self.standard[::_ROUGH]).squares
+        power = np.einsum("cdd->c", squares) * state.deviation**2
+        rows, noise, units = squares.reshape(len(squares), -1), np.eye(squares.shape[1]), self.sample.units
+        found = []
+        for empty in np.argsort(-power)[: np.sum(power > _MAKES * power.sum())]:
+            variance = np.where(np.arange(len(some)) == empty, 0.0, some)
+            for _ in range(_LINEAR_STEPS):
+                weight = np.linalg.inv((variance @ rows).reshape(noise.shape) + noise)
+                more = rows @ (weight @ self.sample.covariance @ weight).ravel()
+                variance = variance * np.sqrt(more / (rows @ weight.ravel() + 1 / (units * self._workshop**2)))
+            found.append(replace(state, deviation=np.maximum(np.sqrt(variance), self.least)))
+        return found
 
     def _settled(self, state: State, draws: Draws, weights: _Weights) -> tuple[State, Draws, _Distance]:
         """Damped steps until the objective stays."""
@@ -209,45 +283,6 @@ class MomentMatching:
                 break
         return state, draws, distance
 
-    def _elsewhere(
-        self, state: State, draws: Draws, distance: _Distance, weights: _Weights
-    ) -> tuple[State, Draws, _Distance]:
-        """The best of some starts, where a fit is poor: of two processes that do nearly the same one makes all.
-
-        Each is judged by weights of its own: by those of units that vary much, units that hardly do fit any lot.
-        """
-        best, least = (state, draws, distance), self._by_its_own(state, draws)
-        for number, start in enumerate(self._exchanged(state, draws, weights)):
-            try:
-                found = self._settled(start, self.simulator.draws(start, self.standard), weights)
-                own = self._by_its_own(*found[:2])
-            except np.linalg.LinAlgError:
-                continue
-            self.tell(f"start {number + 1}: chi-square {own:.3g}, before {least:.3g}")
-            if own < least - _SETTLED:
-                best, least = found, own
-        return best
-
-    def _by_its_own(self, state: State, draws: Draws) -> float:
-        """Objective of a state by weights that are made there."""
-        return self._distance(draws, state, self._weights_at(state)).objective
-
-    def _exchanged(self, state: State, draws: Draws, weights: _Weights) -> list[State]:
-        """States in which one of two processes that are hard to tell apart makes what both did."""
-        found = []
-        shown = np.einsum("ade,cde->ca", weights.forms, draws.squares)
-        size = np.linalg.norm(shown, axis=1)
-        alike = shown @ shown.T / np.outer(size, size)
-        variance = state.deviation**2
-        for kept, emptied in zip(*np.nonzero(alike > _EXCHANGED), strict=True):
-            if kept == emptied or variance[emptied] * size[emptied] < _SHARED * variance[kept] * size[kept]:
-                continue
-            deviation = state.deviation.copy()
-            deviation[kept] = math.sqrt(variance[kept] + variance[emptied] * size[emptied] / size[kept])
-            deviation[emptied] = self.least[emptied]
-            found.append(replace(state, deviation=deviation))
-        return found[:_STARTS]
-
     @staticmethod
     def _freedom(weights: _Weights) -> int:
         """Quadratic forms less the variances they tell, two for each; linear ones are as many as the compliances."""
@@ -263,27 +298,30 @@ class MomentMatching:
 
     def _weights_at(self, state: State) -> _Weights:
         """Weights that are made with the inverse covariance of the amplitudes of a state's units."""
-        weight = self._weight(self.simulator.values(state, self.fresh[: _WEIGHED * len(self.sample.mean)]))
-        return self._weights(self.simulator.draws(state, self.others), weight, both=True)
+        draws = self.simulator.draws(state, self.others)
+        mine, units = (self.simulator.values(state, some) for some in np.array_split(self.fresh, 2))
+        of = self.simulator.parts.process
+        means = np.array([draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(of[-1] + 1)])
+        kinds = np.concatenate([draws.squares, self.simulator.amplitudes.over_turns(means)])
+        return self._weights(draws, self._weight(mine), kinds, units)
 
-    def _weights(self, draws: Draws, weight: Array, *, both: bool = False) -> _Weights:
-        """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance."""
-        of, units = self.simulator.parts.process, self.sample.units
-        kinds = list(draws.squares)
-        if both:
-            means = [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
-            kinds += list(self.simulator.amplitudes.over_turns(np.array(means)))
+    def _weights(self, draws: Draws, weight: Array, kinds: Array, units: Array) -> _Weights:
+        """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance.
+
+        It is made of units that are drawn for it alone; of n of them the inverse of that of p statistics is too large
+        by (n - 1) / (n - p - 2) (Hartlap, Simon, Schneider 2007).
+        """
         forms = np.array([weight @ kind @ weight for kind in kinds])
         forms /= np.sqrt(np.einsum("ade,ade->a", forms, forms))[:, None, None]
-        noisy = draws.about_mean + np.random.default_rng(1).standard_normal(draws.values.shape)
+        noisy = units - units.mean(axis=0) * draws.marked + np.random.default_rng(1).standard_normal(units.shape)
         spread = np.cov(np.array([np.einsum("ud,ud->u", noisy @ form, noisy) for form in forms]))
-        drawn = 1 / len(draws.values)
-        count, prior = len(forms), self.simulator.parts.plausible
-        shifted = draws.influence * prior
-        whole = draws.mean_covariance(units) + shifted @ shifted.T
+        count, drawn = len(forms), 1 / len(draws.values)
+        shifted = draws.influence * self.simulator.parts.plausible
+        whole = draws.mean_covariance(self.sample.units) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * draws.marked]
         inverse = np.zeros((count + len(of_mean), count + len(of_mean)))
-        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn))
+        too_large = (len(units) - 1) / max(len(units) - count - 2, 1)
+        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn) * too_large)
         inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
         return _Weights(forms, of_mean, inverse)
 
@@ -306,6 +344,39 @@ class MomentMatching:
         objective = float(away @ weights.inverse @ away + self._prior(state))
         chi = float((had - made) @ weights.inverse[: len(forms), : len(forms)] @ (had - made))
         return _Distance(objective, chi, away, np.concatenate([of_forms, of_mean]))
+
+    def _raised(self, state: State, slope: Array, weights: _Weights) -> Array:
+        """Slopes, those of processes that may be none to where their intervals end, one process at a time."""
+        slope, variance = slope.copy(), state.deviation**2
+        farthest = np.zeros(len(variance))
+        for _ in range(_SIZES):
+            error = np.sqrt(np.diag(self._covariance(slope, weights))[: len(variance)])
+            end = variance + 1.96 * error
+            more = (variance < 2.5 * error) & (end > _FARTHER * farthest)
+            if not more.any():
+                break
+            farthest[more] = np.maximum(end, 4 * farthest)[more]
+            slope[:, np.flatnonzero(more)] = self._secants(state, np.where(more, farthest, variance), weights)
+        return slope
+
+    def _secants(self, state: State, variance: Array, weights: _Weights) -> Array:
+        """Changes of the statistics with variances that are raised one by one, over those of the variances.
+
+        Draws of the raised process have either sign: what they share with those of others cancels.
+        """
+        base, raised = self.simulator.raised(state, self.standard[::_ROUGH], np.sqrt(variance))
+        at = np.flatnonzero(variance > state.deviation**2)
+        marked = self.simulator.amplitudes.marked
+
+        def statistics(values: Array) -> Array:
+            mean = values.mean(axis=0) * marked
+            about = values - mean
+            forms = np.array([np.einsum("ud,ud->", about @ form, about) for form in weights.forms]) / len(values)
+            return np.concatenate([forms, weights.of_mean @ mean])
+
+        before = statistics(base)
+        changes = np.array([statistics(np.concatenate(some)) - before for some in raised])
+        return np.asarray(changes.T / (variance - state.deviation**2)[at])
 
     def _prior(self, state: State) -> float:
         """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""
@@ -350,16 +421,28 @@ class MomentMatching:
         change = np.concatenate([state.deviation**2 - before.deviation**2, state.compliance - before.compliance])
         return bool(change / unit @ information @ (change / unit) < len(change) / 9)
 
-    def _told(self, state: State, draws: Draws, distance: _Distance, weights: _Weights) -> LotEstimate:
-        unit, information, _ = self._normal(state, distance, weights)
-        # a variance is known no worse than by its prior, an exponential of this mean and standard deviation
+    def _covariance(self, slope: Array, weights: _Weights) -> Array:
+        """Of the errors of variances and compliances.
+
+        A variance is known no worse than by its prior, an exponential of this mean and standard deviation.
+        """
         prior = np.concatenate([2 * self._workshop**2, np.full(COMPLIANCES, STIFFNESS)])
-        known = information * np.outer(prior / unit, prior / unit) + np.diag(np.arange(len(unit)) < len(self._workshop))
-        size, freedom = np.sqrt(np.diag(known)), self._freedom(weights)
-        covariance = np.linalg.pinv(known / np.outer(size, size), hermitian=True) * np.outer(prior / size, prior / size)
-        covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
+        known = slope.T @ weights.inverse @ slope * np.outer(prior, prior) + np.eye(len(prior))
+        size = np.sqrt(np.diag(known))
+        inverse = np.linalg.pinv(known / np.outer(size, size), hermitian=True)
+        return np.asarray(inverse * np.outer(prior / size, prior / size))
+
+    def _told(self, fit: _Fit) -> LotEstimate:
+        state, draws, weights, distance = fit
         blocks = np.array_split(self.fresh, -(-len(self.fresh) // len(self.standard)))  # influences are large
         fresh = [self.simulator.draws(state, some) for some in blocks]
+        # noise of slopes is information that is none: the more units, the less
+        slopes = [distance.slope, *(self._distance(some, state, weights).slope for some in fresh)]
+        slope = np.average(slopes, axis=0, weights=[len(draws.values), *(len(some.values) for some in fresh)])
+        slope = self._raised(state, slope, weights)
+        freedom = self._freedom(weights)
+        covariance = self._covariance(slope, weights)
+        covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
         influence = np.asarray(np.mean([some.influence for some in fresh], axis=0))
         weight = self._weight(np.concatenate([some.values for some in fresh]))
         return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
