@@ -437,7 +437,7 @@ def test_spoilt_units_without_marks_are_found_and_the_others_are_told_as_by_them
 
 def test_gross_errors_of_one_kind_widen_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three of 42 units with a cam that is 60 to 70 um off: as members they make cams scatter three times as much, and
-    nobody is a suspect (of these ones), unless the first estimate bounds what a unit counts."""
+    in this lot no unit is then a suspect.  The first estimate bounds what a unit counts."""
     spoilt = {
         3: rverror.effect("crank.eccentricity", disc=1, crank=0, radial="60 um"),
         17: rverror.effect("crank.eccentricity", disc=0, crank=0, tangential="70 um"),

@@ -157,8 +157,8 @@ class MomentMatching:
     others : ndarray, shape (n, components)
         Others, of which statistics are made: a form that is made of a unit's own changes is larger for that unit.
     fresh : ndarray, shape (m, components)
-        Others, of the first of which the inverse covariance of amplitudes is made; of all of them that of the estimate,
-        and the mean influence.
+        Others: of the first half the inverse covariance of amplitudes is made, of the second that of the statistics; of
+        all of them the standard errors, mean influence and inverse covariance of the estimate.
     least : ndarray, shape (processes,)
         Standard deviations that no lot tells from none; what is less is drawn with these, as none has no slope.
     tell : callable
@@ -179,7 +179,7 @@ class MomentMatching:
         ----------
         state : State
         again : bool
-            Whether the rounds with rough weights are left out.
+            Whether rough steps are left out, and other starts where the fit is not poor.
 
         Returns
         -------
