@@ -30,10 +30,10 @@ def question() -> Question:
     )
 
 
-def asked(sources: Sequence[str], torque: str) -> Question:
+def asked(sources: Sequence[str], torque: str, tolerance: str = "10 um") -> Question:
     """Processes of some sources, each with its harmonic behind it, in 40 units that are quiet."""
     tolerances = [
-        rverror.tolerance(key, "10 um", **({"harmonic": int(harmonic)} if harmonic else {}))
+        rverror.tolerance(key, tolerance, **({"harmonic": int(harmonic)} if harmonic else {}))
         for key, _, harmonic in (source.partition(" ") for source in sources)
     ]
     theta, rng = TURN * np.arange(128) / 128, np.random.default_rng(0)
@@ -132,6 +132,46 @@ def test_no_variance_is_known_worse_than_by_its_prior(question: Question) -> Non
     workshop = np.array([process.plausible for process in question.simulator.parts.processes])
     known = found.variance_error / scipy.stats.expon(scale=2 * workshop**2).std()
     assert 0.9 < known.max() < 1
+
+
+def test_how_well_a_linear_process_is_known_to_vanish_is_what_fisher_says() -> None:
+    """An eccentric encoder is one wave a turn, a / sqrt 2 in cosine and sine, in units of the noise.  U units inform on
+    its variance by U a^4 / 4; the drawn ones, with which they are compared, are n."""
+    question = asked(["sensor.encoder_eccentricity"], "60 N*m", "10 arcsec")
+    drawn, none = 400, State(question.least, np.zeros(COMPLIANCES))
+    found = estimated(question, none, seed=1, drawn=drawn, fresh=4000)
+    few = question.simulator.amplitudes
+    wave = few.noise.reshape(2, -1)[:, list(few.orders).index(1)].mean() ** -0.5
+    known = float(found.variance_error[0]) / (2 / wave**2 * (1 / 199 + 1 / drawn) ** 0.5)
+    assert known == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_process_may_be_as_large_as_units_solved_exactly_say(question: Question) -> None:
+    """Beside pins of 2.5 um at this load units change with the radii by less than a tenth of what influences at none
+    say, by which none of four lots allows more than 0.15 um."""
+    key = [p.key for p in question.simulator.parts.processes]
+    at, made = key.index("cycloid.pin_radius"), [2.5e-3 * (one == PINS) for one in key]
+    found = estimated(question, State(np.maximum(made, question.least), np.zeros(COMPLIANCES)), seed=1)
+    standard = np.random.default_rng(7).standard_normal((200, len(question.simulator.parts.process)))
+    size = 0.5e-3 * (np.arange(len(key)) == at)
+    none, plus, minus = (np.cov(some.T) for some in question.simulator.raised(found.state, standard, size)[0])
+    said = found.draws.squares[at] * size[at] ** 2
+    form = found.weight @ said @ found.weight
+    assert np.sum(form * ((plus + minus) / 2 - none)) < 0.1 * np.sum(form * said)
+    assert interval(float(found.state.deviation[at] ** 2), float(found.variance_error[at]))[1] > 0.3e-3
+
+
+def test_a_raised_process_has_its_draws_with_either_sign(question: Question) -> None:
+    """Of a small size the changes are opposite, and as influences say."""
+    key = [p.key for p in question.simulator.parts.processes]
+    at, made = key.index("crank.eccentricity"), [1e-3 * (one == "cycloid.disc_pitch") for one in key]
+    parts, state = question.simulator.parts, State(np.array(made), np.zeros(COMPLIANCES))
+    standard = np.random.default_rng(3).standard_normal((4, len(parts.process)))
+    size = 1e-7 * (np.arange(len(key)) == at)
+    none, plus, minus = question.simulator.raised(state, standard, size)[0]
+    said = question.simulator.draws(state, standard).by_process[:, at] * size[at]
+    np.testing.assert_allclose(plus - none, said, atol=0.01 * np.abs(said).max())
+    np.testing.assert_allclose(minus - none, -said, atol=0.01 * np.abs(said).max())
 
 
 def test_statistics_are_made_of_other_units_than_those_they_are_compared_with(question: Question) -> None:

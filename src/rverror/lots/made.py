@@ -142,7 +142,7 @@ def lot(
         state, same = estimate.state, cleaned.same == before.same
         if same and settled and (number > 0 or np.array_equal(bounded, values)):
             break
-        tell("once more, with all of each unit" if same else "once more, without units and groups that differ")
+        tell("once more" if same else "once more, without units and groups that differ")
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
         model=model.mechanism.name,
@@ -190,9 +190,9 @@ def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed:
 def _bounded(values: Array, *, marked: bool) -> Array:
     """Amplitudes, no unit's with more than some times the usual power, lest gross errors widen a process (masking)."""
     middle = np.median(values, axis=0) * marked
-    power = np.einsum("ud,ud->u", values - middle, values - middle)
-    share = np.sqrt(_BOUND * np.median(power) / power)[:, None]
-    return np.where(share < 1, middle + share * (values - middle), values)
+    power = np.sum((values - middle) ** 2, axis=1, keepdims=True)
+    most = _BOUND * np.median(power)
+    return np.where(power > most, middle + np.sqrt(most / np.maximum(power, most)) * (values - middle), values)
 
 
 def _clean(

@@ -30,7 +30,7 @@ _STEP = 4.0  # times which a variance changes in one step
 _AFTER = 3  # rough steps of a start
 _NEAR = 500.0  # deviance that these leave at most (430 in four lots): a start that is farther is given up
 _MAKES = 0.15  # of all power: processes without which there is a start
-_LEFT = 0.02  # of a workshop's deviation, with which processes that vanished begin again
+_AGAIN = 0.02  # of a workshop's deviation, with which processes that vanished begin again
 _LINEAR_STEPS = 40  # of the linear estimate, which need only come near
 _LIKELIER = 4.0  # fall of the deviance that is not chance
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
@@ -239,8 +239,7 @@ class MomentMatching:
 
     def _deviance(self, state: State) -> float:
         """Minus twice the logarithm of the likelihood and the prior, were amplitudes normal."""
-        amplitudes, values = self.simulator.amplitudes, self.simulator.values(state, np.array_split(self.fresh, 2)[0])
-        made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
+        made = self._made(self.simulator.values(state, np.array_split(self.fresh, 2)[0]))
         made = made + np.eye(len(made))
         misfit = np.trace(np.linalg.solve(made, self.sample.covariance)) + np.linalg.slogdet(made)[1]
         return float(self.sample.units * misfit + self._prior(state))
@@ -251,7 +250,7 @@ class MomentMatching:
         Were influences the same in all units, the covariance would be the sum of v J J' and that of noise, and each
         step of the MM algorithm (Zhou, Hu, Qiao, Cho 2019) would make it likelier.
         """
-        least = np.maximum(self.least, _LEFT * self._workshop) ** 2
+        least = np.maximum(self.least, _AGAIN * self._workshop) ** 2
         some = np.maximum(state.deviation**2, least)
         squares = self.simulator.draws(replace(state, deviation=np.sqrt(some)), self.standard[::_ROUGH]).squares
         power = np.einsum("cdd->c", squares) * state.deviation**2
@@ -290,18 +289,24 @@ class MomentMatching:
 
     # --- statistics ---------------------------------------------------------------------------------------------------
 
+    def _made(self, values: Array) -> Array:
+        """Covariance of drawn units, over all turns where there are no marks."""
+        amplitudes = self.simulator.amplitudes
+        return amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
+
     def _weight(self, values: Array) -> Array:
         """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
-        amplitudes = self.simulator.amplitudes
-        made = amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
-        return np.asarray(np.linalg.inv(made * (1 - _SHARE * ~amplitudes.same_order) + np.eye(len(made))))
+        made, kept = self._made(values), 1 - _SHARE * ~self.simulator.amplitudes.same_order
+        return np.asarray(np.linalg.inv(made * kept + np.eye(len(made))))
 
     def _weights_at(self, state: State) -> _Weights:
         """Weights that are made with the inverse covariance of the amplitudes of a state's units."""
         draws = self.simulator.draws(state, self.others)
         mine, units = (self.simulator.values(state, some) for some in np.array_split(self.fresh, 2))
         of = self.simulator.parts.process
-        means = np.array([draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(of[-1] + 1)])
+        means = np.array(
+            [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
+        )
         kinds = np.concatenate([draws.squares, self.simulator.amplitudes.over_turns(means)])
         return self._weights(draws, self._weight(mine), kinds, units)
 
@@ -346,9 +351,9 @@ class MomentMatching:
         return _Distance(objective, chi, away, np.concatenate([of_forms, of_mean]))
 
     def _raised(self, state: State, slope: Array, weights: _Weights) -> Array:
-        """Slopes, those of processes that may be none to where their intervals end, one process at a time."""
+        """Slopes, those of processes that may be none as far as their intervals go, one process at a time."""
         slope, variance = slope.copy(), state.deviation**2
-        farthest = np.zeros(len(variance))
+        farthest = np.zeros_like(variance)
         for _ in range(_SIZES):
             error = np.sqrt(np.diag(self._covariance(slope, weights))[: len(variance)])
             end = variance + 1.96 * error
@@ -356,27 +361,21 @@ class MomentMatching:
             if not more.any():
                 break
             farthest[more] = np.maximum(end, 4 * farthest)[more]
-            slope[:, np.flatnonzero(more)] = self._secants(state, np.where(more, farthest, variance), weights)
+            slope[:, np.flatnonzero(more)] = self._secants(state, farthest * more, weights)
         return slope
 
     def _secants(self, state: State, variance: Array, weights: _Weights) -> Array:
-        """Changes of the statistics with variances that are raised one by one, over those of the variances.
+        """Changes of the statistics where one process at a time goes from none to a variance, over that.
 
-        Draws of the raised process have either sign: what they share with those of others cancels.
+        Its draws have either sign: what they share with those of others cancels.
         """
-        base, raised = self.simulator.raised(state, self.standard[::_ROUGH], np.sqrt(variance))
-        at = np.flatnonzero(variance > state.deviation**2)
-        marked = self.simulator.amplitudes.marked
-
-        def statistics(values: Array) -> Array:
-            mean = values.mean(axis=0) * marked
-            about = values - mean
-            forms = np.array([np.einsum("ud,ud->", about @ form, about) for form in weights.forms]) / len(values)
-            return np.concatenate([forms, weights.of_mean @ mean])
-
-        before = statistics(base)
-        changes = np.array([statistics(np.concatenate(some)) - before for some in raised])
-        return np.asarray(changes.T / (variance - state.deviation**2)[at])
+        contrast, found = np.array([-1.0, 0.5, 0.5]), []
+        for none_and_both in self.simulator.raised(state, self.standard[::_ROUGH], np.sqrt(variance)):
+            samples = [sample_of(values, marked=self.simulator.amplitudes.marked) for values in none_and_both]
+            covariance = np.tensordot(contrast, [one.covariance for one in samples], 1)
+            of_forms = np.einsum("ade,de->a", weights.forms, covariance)
+            found.append(np.r_[of_forms, weights.of_mean @ (contrast @ [one.mean for one in samples])])
+        return np.asarray(np.transpose(found) / variance[variance > 0])
 
     def _prior(self, state: State) -> float:
         """Minus twice the logarithm of the prior: a workshop's deviations, stiffnesses as a model knows them."""

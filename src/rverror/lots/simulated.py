@@ -169,36 +169,35 @@ class Simulator:
         squares = self.amplitudes.over_turns(squares)
         return Draws(values, by_process, by_compliance, rows.mean(axis=0).T, squares, self.amplitudes.marked)
 
-    def raised(self, state: State, standard: Array, deviation: Array) -> tuple[Array, Array]:
-        """Whitened amplitudes of units, and with one process at a time raised, its draws with either sign.
+    def raised(self, state: State, standard: Array, deviation: Array) -> Array:
+        """Whitened amplitudes of units with one process at a time none, and raised with its draws and with minus these.
 
         Parameters
         ----------
         state : State
         standard : ndarray, shape (units, components)
         deviation : ndarray, shape (processes,)
-            Those above the state's are raised to it.
+            To which a process is raised; those of 0 are not.
 
         Returns
         -------
-        values : ndarray, shape (units, d)
+        ndarray, shape (raised processes, 3, units, d)
             Of units that have an equilibrium in all cases.
-        raised : ndarray, shape (raised processes, 2, units, d)
         """
-        turns, process = self._loaded(state.compliance), self.parts.process
-        cases = [(at, sign) for at in np.flatnonzero(deviation > state.deviation) for sign in (1.0, -1.0)]
+        turns = self._loaded(state.compliance)
+        cases = [(at, sign) for at in np.flatnonzero(deviation) for sign in (0.0, 1.0, -1.0)]
 
         def solve(row: Array) -> list[list[Array]]:
             found = []
-            for at, sign in ((-1, 1.0), *cases):
-                size = np.where(np.arange(len(deviation)) == at, deviation, state.deviation)
-                errors = self.errors(replace(state, deviation=size), np.where(process == at, sign * row, row))
+            for at, sign in cases:
+                sizes = np.where(np.arange(len(deviation)) == at, sign * deviation, state.deviation)
+                errors = self.errors(replace(state, deviation=sizes), row)
                 found.append([turn.read(turn.state(errors), errors) for turn in turns])
             return found
 
         waves = np.array(each_solved(solve, list(standard)))
-        values = self.amplitudes.of_waves(waves).reshape(*waves.shape[:2], -1) * self.scale
-        return values[:, 0], np.moveaxis(values[:, 1:], 0, 1).reshape(-1, 2, len(values), values.shape[-1])
+        values = self.amplitudes.of_waves(waves).reshape(len(waves), -1, 3, len(self.scale)) * self.scale
+        return np.moveaxis(values, 0, 2)
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
         """One unit with what each of its part errors does to it, and each of `SOFTENING`.
