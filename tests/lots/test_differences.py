@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,20 +13,20 @@ import scipy
 
 from lot_parts import UM, RandomUnits, parts
 from rverror.base.arrays import Array
-from rverror.lots.differences import (
-    Fits,
-    ShiftSource,
-    candidates_of,
-    changes_over_serial,
-    group_differences,
-    misfit,
-    steady,
-    surprise,
-    tail_chance,
-)
-from rverror.lots.result import Change, Interval, Shift
+from rverror.lots import differences
+from rverror.lots.differences import steady, tail_chance
+from rverror.lots.result import Change, Difference, Interval, Shift
+from rverror.lots.shifts import Fits, ShiftSource, candidates_of, misfit, surprise
 
 SOME, D, UNITS = RandomUnits(60, 0.25), 60, 120
+
+
+def group_differences(*given: Any, **more: Any) -> tuple[Difference, ...]:
+    return tuple(one for one, _ in differences.group_differences(*given, **more))
+
+
+def changes_over_serial(*given: Any, **more: Any) -> tuple[Change, ...]:
+    return tuple(one for one, _ in differences.changes_over_serial(*given, **more))
 
 
 @cache
@@ -307,3 +309,30 @@ def test_a_difference_of_four_errors_is_found_in_most_lots() -> None:
             hits[at] += bool(group_differences(values, labels, SOME.weight, candidates(), level=0.005, seed=seed))
     assert hits[0] >= 16
     assert hits[1] <= 10  # half of it is 2.6 errors, for 4 that are asked
+
+
+def test_a_large_shift_is_told_by_what_it_does_beyond_the_first_order() -> None:
+    """A ramp of cams to 8 errors of a unit does, by its square, 20 along the encoder: influences alone tell an encoder
+    that begins late; solved, the cams with their size and beginning."""
+    cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
+    size, bend = error_of(cams, 8), encoder.columns[:, 0] * error_of(encoder, 20)
+    share = np.maximum(np.arange(UNITS) - 59, 0) / (UNITS - 60)
+    values = lot(7) + np.outer(share * size, cams.columns[:, 0]) + np.outer(share**2, bend)
+
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array]) -> Array:
+        own = [one.label == cams.label and one.parameters == cams.parameters for one in sources]
+        found = [at * (given[0] / size) ** 2 * bend for at, given in zip(own, sizes, strict=True)]
+        return np.stack([found, found], axis=1)
+
+    (first, *_) = changes_over_serial(values, SERIALS, SOME.weight, candidates())
+    assert first.cause.key == encoder.key
+    (found,) = changes_over_serial(values, SERIALS, SOME.weight, candidates(), beyond=beyond)
+    assert (found.cause.key, dict(found.cause.indices), found.cause.parameter) == (cams.key, {"disc": 0}, "radial")
+    assert size in found.cause.size
+    assert abs(SERIALS.index(found.since) - 60) <= 6
+    labels = {"machine": ("A", "B") * (UNITS // 2)}
+    values = lot(8)
+    values[1::2] += cams.columns[:, 0] * size + bend
+    (group,) = group_differences(values, labels, SOME.weight, candidates(), beyond=beyond)
+    assert (group.causes[0].key, dict(group.causes[0].indices)) == (cams.key, {"disc": 0})
+    assert size in group.causes[0].size

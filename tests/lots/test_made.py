@@ -26,6 +26,7 @@ from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.result import Change, Lot, Outsider
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
+from rverror.statics.loaded_state import SOFTENING
 
 MODEL = Model(UNIT)
 THETA = TURN * np.arange(128) / 128
@@ -472,6 +473,26 @@ def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monke
     assert found.notes == ("far from the other units, and left out of the estimate: 005",)
     assert asked == ["005"]
     intervals_hold(found)
+
+
+def test_what_a_shift_does_beyond_influences() -> None:
+    """Nothing where it is small; a large one together with influences what the equilibrium of each unit says."""
+    some = simulator()
+    state = State(np.full(len(some.parts.processes), 1e-3))
+    standard = np.random.default_rng(2).standard_normal((3, len(some.parts.process)))
+    key, at = "crank.eccentricity", {"disc": 0, "crank": 1}
+    small, large = (some.parts.shifted(key, at, {"radial": size}) for size in (1e-7, 0.03))
+    assert np.count_nonzero(large) == 1
+    errors, solved = some.errors(state, standard), some.draws(state, standard)
+    found = some.beyond_influences(state, standard, np.array([small, large]))
+    for sign, beyond in zip((1.0, -1.0), found[1], strict=True):
+        moved = [some.linearised(row + sign * large, np.zeros(len(SOFTENING)))[0] for row in errors]
+        expected = np.mean(moved, axis=0) - solved.values.mean(axis=0)
+        np.testing.assert_allclose(
+            beyond + sign * solved.influence @ large, expected, atol=1e-5 * np.abs(expected).max()
+        )
+    assert np.abs(found[0]).max() < 1e-4 * np.abs(solved.influence @ small).max()
+    assert np.abs(found[1]).max() > 0.01 * np.abs(solved.influence @ large).max()
 
 
 def test_an_interval_is_that_of_a_sample_variance() -> None:

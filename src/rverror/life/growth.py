@@ -17,7 +17,7 @@ from rverror.base.arrays import Array, Integers
 from rverror.base.errors import InputError
 from rverror.life.sessions import FEW, repeated
 from rverror.life.unit_state import UnitState, known_to
-from rverror.lots.differences import RIVAL, ShiftSource, candidates_of, single_parts
+from rverror.lots.shifts import RIVAL, ShiftSource, candidates_of, single_parts
 from rverror.model.catalogue import source
 
 _COARSE, _FINE = 4, 16  # time constants of growths that settle that are tried, and in between

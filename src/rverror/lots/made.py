@@ -15,23 +15,16 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
 from rverror.base.progress import Progress
-from rverror.base.text import describe
 from rverror.geartrain.source import IndexValue
 from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance_of
-from rverror.lots.differences import (
-    ShiftSource,
-    candidates_of,
-    changes_over_serial,
-    course,
-    group_differences,
-    steady,
-)
+from rverror.lots.differences import changes_over_serial, course, group_differences, steady
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import Process, UnitParts, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
+from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING, reducer_of
@@ -50,6 +43,7 @@ _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told 
 # times the amplitudes, and at least: units of which the covariance and the mean influences of an estimate are made.  A
 # covariance of n units takes d/n off a chi-square of d amplitudes; noise in the influences of 200 halved shifts
 _FRESH = (6, 800)
+_SHIFTED = 50  # units that are solved with shifts: the noise of what these do beyond influences is below a hundredth
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
@@ -221,19 +215,29 @@ def _clean(
     left, alike = values.copy(), np.ones(len(values), np.bool_)
     middle = np.tile(simulator.parts.middle, (len(values), 1))  # mean errors of each unit's parts
 
-    groups = group_differences(_centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed)
-    for group in groups:
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array]) -> Array:
+        standard = np.random.default_rng(seed + 3).standard_normal((_SHIFTED, len(simulator.parts.process)))
+        shifts = [_shifted(simulator.parts, s.shifts(size, size, 0.0)) for s, size in zip(sources, sizes, strict=True)]
+        return simulator.beyond_influences(estimate.state, standard, np.array(shifts))
+
+    groups = group_differences(
+        _centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed, beyond=beyond
+    )
+    for group, effect in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
-        left[inside] -= _effect(candidates, group.causes)
+        left -= effect.of(inside.astype(np.float64))
         middle[inside] += _shifted(simulator.parts, group.causes)
         alike &= ~inside
 
-    changes = changes_over_serial(_centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed)
+    changed = changes_over_serial(
+        _centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed, beyond=beyond
+    )
+    changes = [change for change, _ in changed]
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units
-    for number, change in enumerate(changes):
+    for number, (change, effect) in enumerate(changed):
         first, end = places[serials.index(change.since)], ends[steady(changes[:number], serials).stop]
         share = course(change.course, first, end, len(values))
-        left -= np.outer(share, _effect(candidates, (change.cause,)))
+        left -= effect.of(share)
         middle += np.outer(share, _shifted(simulator.parts, (change.cause,)))
     part = steady(changes, serials)
     unchanged = np.zeros(len(values), np.bool_)
@@ -251,7 +255,8 @@ def _clean(
         near = members & ~np.isin(amplitudes.serials, far)
         kept = alike & near & unchanged
         enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
-        return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, groups, changes)
+        differences = tuple(difference for difference, _ in groups)
+        return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, differences, tuple(changes))
 
     found = cleaned(before.gross)
     if not amplitudes.marked or not (last or (settled and found.same == before.same)):
@@ -287,20 +292,9 @@ def _outsiders(
     return outsiders(units, serials, members, weight, influence, parts, marked=marked, level=_SUSPECTED)
 
 
-def _effect(candidates: Sequence[ShiftSource], causes: Sequence[Shift]) -> Array:
-    """What shifts change of a unit's amplitudes."""
-    columns = {(c.label, c.parameters): c.columns[:, 0] for c in candidates}
-    return np.asarray(sum(columns[describe(one.key, one.indices), (one.parameter,)] * one.size.value for one in causes))
-
-
 def _shifted(parts: UnitParts, causes: Sequence[Shift]) -> Array:
-    """What shifts change of the errors of all parts, shape (components,)."""
-    found = np.zeros(len(parts.process))
-    for one in causes:
-        same = np.array([e.key == one.key and one.indices.items() <= e.indices.items() for e in parts.effects])
-        named = np.array([parameter.name == one.parameter for parameter in parts.parameters])
-        found[same[parts.effect] & named] += one.size.value
-    return found
+    """What shifts of the same parts change of the errors of all, shape (components,)."""
+    return parts.shifted(causes[0].key, causes[0].indices, {one.parameter: one.size.value for one in causes})
 
 
 # --- what is said of it -----------------------------------------------------------------------------------------------

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.lots.differences import Fits, single_parts
 from rverror.lots.processes import UnitParts
 from rverror.lots.result import Outsider
+from rverror.lots.shifts import Fits, single_parts
 
 _TAIL = 0.25  # of the members, to which a tail is fitted: of 150 units 38
 _RATE = 1.0  # at most of a tail, for the largest of many chi-squares has it; contacts that open make tails longer

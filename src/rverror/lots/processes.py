@@ -118,6 +118,12 @@ class UnitParts:
             [0.0 if t is None else t.mean.get(p.name, 0.0) for t, p in zip(of, self.parameters, strict=True)]
         )
 
+    def shifted(self, key: str, indices: Mapping[str, IndexValue], sizes: Mapping[str, float]) -> Array:
+        """Errors of all components if parts with some indices are shifted alike, each parameter by its size, (p,)."""
+        same = np.array([e.key == key and indices.items() <= e.indices.items() for e in self.effects])[self.effect]
+        by = np.array([sizes.get(parameter.name, 0.0) for parameter in self.parameters])
+        return np.where(same, by, 0.0)
+
     @cached_property
     def placed(self) -> tuple[Instance, ...]:
         """Where the components stand among the parameters of each effect."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -185,19 +185,51 @@ class Simulator:
             Of units that have an equilibrium in all cases.
         """
         turns = self._loaded(state.compliance)
-        cases = [(at, sign) for at in np.flatnonzero(deviation) for sign in (0.0, 1.0, -1.0)]
+        sizes = [
+            np.where(np.arange(len(deviation)) == at, sign * deviation, state.deviation)
+            for at in np.flatnonzero(deviation)
+            for sign in (0.0, 1.0, -1.0)
+        ]
 
-        def solve(row: Array) -> list[list[Array]]:
-            found = []
-            for at, sign in cases:
-                sizes = np.where(np.arange(len(deviation)) == at, sign * deviation, state.deviation)
-                errors = self.errors(replace(state, deviation=sizes), row)
-                found.append([turn.read(turn.state(errors), errors) for turn in turns])
-            return found
+        def solve(row: Array) -> Array:
+            return self._waves(turns, [self.errors(replace(state, deviation=one), row) for one in sizes])
 
         waves = np.array(each_solved(solve, list(standard)))
         values = self.amplitudes.of_waves(waves).reshape(len(waves), -1, 3, len(self.scale)) * self.scale
         return np.moveaxis(values, 0, 2)
+
+    def beyond_influences(self, state: State, standard: Array, shifts: Array) -> Array:
+        """What shifts of the parts change of units' whitened amplitudes beyond influences, in the mean of the units.
+
+        Parameters
+        ----------
+        state : State
+        standard : ndarray, shape (units, components)
+        shifts : ndarray, shape (shifts, components)
+            Core units.
+
+        Returns
+        -------
+        ndarray, shape (shifts, 2, d)
+            Of each shift, and of its opposite.
+        """
+        turns, both = self._loaded(state.compliance), np.stack([shifts, -shifts], axis=1)
+
+        def solve(row: Array) -> Array:
+            errors = self.errors(state, row)
+            values, influence, _ = self._solved(turns, errors)
+            moved = np.maximum(errors + both.reshape(-1, errors.size), self.parts.least)
+            waves = self._waves(turns, moved).reshape(len(moved), len(turns), -1)
+            changed = self.amplitudes.of_waves(waves).reshape(len(moved), -1) * self.scale - values
+            return np.asarray(changed - (moved - errors) @ influence)
+
+        found = np.mean(each_solved(solve, list(standard)), axis=0)
+        return np.asarray(found.reshape(*both.shape[:2], -1))
+
+    @staticmethod
+    def _waves(turns: Sequence[LoadedTurn], units: Iterable[Array]) -> Array:
+        """Errors over a turn of units under each condition, rad, shape (units * conditions, n)."""
+        return np.array([turn.read(turn.state(errors), errors) for errors in units for turn in turns])
 
     def linearised(self, errors: Array, softening: Array) -> tuple[Array, Array, Array]:
         """One unit with what each of its part errors does to it, and each of `SOFTENING`.

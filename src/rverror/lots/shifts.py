@@ -1,0 +1,443 @@
+"""Shifts of parts: which they may be, what they do to a unit's amplitudes, and which of them makes a contrast of units.
+
+Page ``theory/lots.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from rverror.base.arrays import Array
+from rverror.base.text import describe
+from rverror.diagnosis.policy import POLICY
+from rverror.geartrain.source import IndexValue
+from rverror.lots.processes import UnitParts
+from rverror.lots.result import Interval, Shift
+from rverror.model.catalogue import source
+
+_INSTANCES = 12  # of a process that are told apart: one fixture for a single pin of forty is not what a workshop has
+_SILENT = 1e-3  # of the noise that a workshop's spread makes: a thousand units would show a hundred spreads at best
+_APART = 1e-6  # of two columns' information, in the direction that both leave: less is rounding
+_ASYMPTOTIC = 500.0  # chi-square from which on the tail's first term is right to a part in 200; its own underflows
+_VECTOR = 6.6  # chi-square of one parameter that chance exceeds in 1 %: a second parameter has to be worth it
+RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
+_SOLVED = 16  # likeliest sources of a shift that are solved: a second each
+_LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
+_SOLUTIONS, _AGAIN = 2, 0.2  # of a source at most: the second where its size has changed by so much since the first
+_TIMES = np.linspace(-2.0, 2.0, 1601)  # of the size at which a source was solved: a lot shows no shift to 1/400
+
+
+@dataclass(frozen=True)
+class ShiftSource:
+    """A source of a shift: parts that move alike, in one parameter or in all of them.
+
+    Attributes
+    ----------
+    key : str
+        A key of the catalogue.
+    indices : mapping of str to int or str
+        What its parts have in common.
+    parameters : tuple of str
+    dimension : str
+        A key of `units.CORE_UNITS`.
+    columns : ndarray, shape (d, parameters)
+        Change of a unit's whitened amplitudes per core unit.
+    """
+
+    key: str
+    indices: Mapping[str, IndexValue]
+    parameters: tuple[str, ...]
+    dimension: str
+    columns: Array
+
+    @property
+    def label(self) -> str:
+        """Its name for people."""
+        return describe(self.key, self.indices)
+
+    @property
+    def plausible(self) -> Array:
+        """Largest shift of each parameter that surprises no one, core units."""
+        known = {p.name: p.plausible for p in source(self.key).parameters}
+        return np.array([known[name] for name in self.parameters])
+
+    def shifts(self, sizes: Array, errors: Array, times: float) -> tuple[Shift, ...]:
+        """A shift for each parameter, with intervals of so many standard errors to either side."""
+        return tuple(
+            Shift(
+                self.key, self.indices, name, self.dimension, Interval(size, size - times * error, size + times * error)
+            )
+            for name, size, error in zip(self.parameters, sizes.tolist(), errors.tolist(), strict=True)
+        )
+
+
+def candidates_of(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
+    """Sources of shifts: of each process the parts that share some of their indices, and all parts.
+
+    A process of many parts has all of them alike only.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (d, components)
+        Change of a unit's whitened amplitudes per core unit of each component.
+    parts : UnitParts
+
+    Returns
+    -------
+    tuple of ShiftSource
+        Of what shows; each parameter by itself, and then all of them.
+    """
+    found, first = list[ShiftSource](), 0
+    for process in parts.processes:
+        for some in _alike(process.instances):
+            found += _sources(influence, parts, [first + number for number in some])
+        first += len(process.instances)
+    return tuple(found)
+
+
+def single_parts(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
+    """Sources of one unit's error: every part by itself, as `candidates_of`.
+
+    Parameters
+    ----------
+    influence : ndarray, shape (d, components)
+    parts : UnitParts
+
+    Returns
+    -------
+    tuple of ShiftSource
+    """
+    return tuple(one for number in range(len(parts.effects)) for one in _sources(influence, parts, [number]))
+
+
+def _sources(influence: Array, parts: UnitParts, effects: Sequence[int]) -> list[ShiftSource]:
+    """Effects of one process that move alike, by each parameter and by all, where a workshop's spread shows."""
+    places = np.array([np.flatnonzero(parts.effect == number) for number in effects])
+    parameters = [parts.parameters[place] for place in places[0]]
+    columns = influence[:, places].sum(axis=1)
+    shown = np.flatnonzero(np.linalg.norm(columns, axis=0) * parts.plausible[places[0, 0]] > _SILENT).tolist()
+    found = []
+    for some in (*([k] for k in shown), *([shown] if len(shown) > 1 else [])):
+        names = tuple(parameters[k].name for k in some)
+        key, common = parts.effects[effects[0]].key, _common([parts.effects[number].indices for number in effects])
+        found.append(ShiftSource(key, common, names, parameters[0].dimension, columns[:, some]))
+    return found
+
+
+def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...]]:
+    """Sets of instances that share what some of their indices are, each set once; all together first."""
+    everyone = tuple(range(len(instances)))
+    if len(instances) > _INSTANCES:
+        return [everyone]
+    names = [name for name in instances[0] if name != "harmonic"]
+    found = {everyone: None}
+    for count in range(1, len(names) + 1):
+        for chosen in combinations(names, count):
+            sets = dict[tuple[IndexValue, ...], list[int]]()
+            for number, one in enumerate(instances):
+                sets.setdefault(tuple(one[name] for name in chosen), []).append(number)
+            found.update({tuple(some): None for some in sets.values()})
+    return list(found)
+
+
+def _common(instances: Sequence[Mapping[str, IndexValue]]) -> dict[str, IndexValue]:
+    first = instances[0]
+    return {name: value for name, value in first.items() if all(one[name] == value for one in instances)}
+
+
+class ShiftEffect(NamedTuple):
+    """What a shift does to a unit's whitened amplitudes in the mean: a share s of it s times slope plus s^2 times bend.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (parameters,)
+        Of the shift, core units.
+    slope, bend : ndarray, shape (d,)
+    """
+
+    sizes: Array
+    slope: Array
+    bend: Array
+
+    def of(self, share: Array) -> Array:
+        """What shares of it do, shape (n,) to (n, d)."""
+        return np.outer(share, self.slope) + np.outer(share**2, self.bend)
+
+    def times(self, factor: float) -> ShiftEffect:
+        """That of a shift so many times as large."""
+        return ShiftEffect(factor * self.sizes, factor * self.slope, factor**2 * self.bend)
+
+
+#: Of sources and their sizes, what each and its opposite do beyond influences, shape (sources, 2, d)
+Beyond = Callable[[Sequence[ShiftSource], Sequence[Array]], Array]
+
+
+def nothing_beyond(sources: Sequence[ShiftSource], _: Sequence[Array]) -> Array:
+    """Of units that are linear."""
+    return np.zeros((len(sources), 2, len(sources[0].columns)))
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Candidates, and what of a unit's amplitudes each of them explains.
+
+    Attributes
+    ----------
+    candidates : tuple of ShiftSource
+        Those whose parameters are told apart.
+    freedom : ndarray of int, shape (candidates,)
+        Parameters of each.
+    basis : ndarray, shape (d, sum of freedom)
+        Amplitudes times it are independent and of unit variance, as many of them for a candidate as it has parameters.
+    sizing : tuple of ndarray, shape (d, parameters)
+        Amplitudes times it are the candidate's sizes.
+    """
+
+    candidates: tuple[ShiftSource, ...]
+    freedom: npt.NDArray[np.intp]
+    basis: Array
+    sizing: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, candidates: Iterable[ShiftSource], weight: Array) -> Fits:
+        """Of candidates, where the inverse covariance of a unit's amplitudes is known."""
+        kept, basis, sizing = list[ShiftSource](), list[Array]([np.empty((len(weight), 0))]), list[Array]()
+        for one in candidates:
+            pressed = weight @ one.columns
+            gram = one.columns.T @ pressed
+            size = np.sqrt(np.diag(gram))
+            if np.linalg.eigvalsh(gram / np.outer(size, size))[0] < _APART:
+                continue
+            kept.append(one)
+            basis.append(np.asarray(np.linalg.solve(np.linalg.cholesky(gram), pressed.T).T))
+            sizing.append(np.asarray(np.linalg.solve(gram, pressed.T).T))
+        freedom = np.array([len(one.parameters) for one in kept], dtype=np.intp)
+        return cls(tuple(kept), freedom, np.concatenate(basis, axis=1), tuple(sizing))
+
+    def chi_squares(self, projected: Array) -> Array:
+        """Chi-square of each candidate, of amplitudes times the basis, shape (..., basis) to (..., candidates)."""
+        starts = np.cumsum(self.freedom) - self.freedom
+        return np.asarray(np.add.reduceat(projected**2, starts, axis=-1))
+
+    def surprise(self, chi: Array) -> Array:
+        """Largest `surprise` of a candidate, of chi-squares of all, shape (..., candidates) to (...)."""
+        of_each = [surprise(chi[..., self.freedom == q].max(axis=-1), q) for q in np.unique(self.freedom)]
+        return np.asarray(np.max(of_each, axis=0))
+
+    def likely(self, chi: Array, sizes: Sequence[Array], misfit: float = 1.0) -> Array:
+        """Chi-squares less what the prior of shifts takes off, of each candidate's sizes.
+
+        The prior is that of a cause in a diagnosis.  Where influences leave a misfit, differences of chi-squares say as
+        much less.
+        """
+        pairs = zip(sizes, self.candidates, strict=True)
+        over = np.array([float(np.sum((size / one.plausible) ** 2)) for size, one in pairs])
+        return np.maximum(chi - misfit * over / POLICY.workshop**2, 0.0)
+
+    def best(self, chi: Array) -> int:
+        """Number of the candidate that explains most; all parameters of its parts only where one does not do."""
+        found = int(np.argmax([surprise(np.array(t), q) for t, q in zip(chi, self.freedom, strict=True)]))
+        own = [number for number in range(len(chi)) if self._same(number, found)]
+        whole = max(own, key=lambda number: (self.freedom[number], chi[number]))
+        single = max(own, key=lambda number: (-self.freedom[number], chi[number]))
+        return whole if chi[whole] - chi[single] >= _VECTOR else single
+
+    def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
+        """Other parts that do it nearly as well, the nearest first, and all mirror images; more where the best leaves
+        a misfit itself."""
+        near = {best, *np.flatnonzero(chi > chi[best] - RIVAL * misfit).tolist()}
+        near = near.union(*map(self._mirrored, near))
+        rivals = [n for n in np.argsort(-chi).tolist() if n in near and not self._same(n, best)]
+        return tuple(dict.fromkeys(self.candidates[n].label for n in rivals))
+
+    def _mirrored(self, number: int) -> set[int]:
+        """Mirror images of a candidate, other crank and other disc, which contacts alone distinguish."""
+        one = self.candidates[number]
+        named = {n: its.indices for n, its in enumerate(self.candidates) if its.key == one.key}
+        alike = {n: at for n, at in named.items() if at.keys() == one.indices.keys()}
+        if not one.indices.keys() - {"harmonic"} or len({tuple(at.values()) for at in alike.values()}) > _INSTANCES:
+            return set()
+        return {n for n, at in alike.items() if all((at[i] == one.indices[i]) == (i == "harmonic") for i in at)}
+
+    def _same(self, one: int, other: int) -> bool:
+        """Whether two candidates are about the same parts."""
+        a, b = self.candidates[one], self.candidates[other]
+        return a.key == b.key and a.indices == b.indices
+
+
+def misfit(contrast: Array, weight: Array, chi: float, freedom: int) -> float:
+    """Chi-square of what a cause leaves of a contrast of units, over its degrees of freedom; 1 where it is less.
+
+    A large shift is more than influences of the first order, and what they lack must not decide between parts.
+
+    Parameters
+    ----------
+    contrast : ndarray, shape (d,)
+        Sum of units' whitened amplitudes, of unit variance.
+    weight : ndarray, shape (d, d)
+    chi : float
+        What the cause explains.
+    freedom : int
+        Of the cause.
+
+    Returns
+    -------
+    float
+    """
+    return max(1.0, (float(contrast @ weight @ contrast) - chi) / max(len(contrast) - freedom, 1))
+
+
+def surprise(chi: Array, freedom: float) -> Array:
+    """Minus the logarithm of how often chance exceeds a chi-square.
+
+    Parameters
+    ----------
+    chi : ndarray
+    freedom : float
+
+    Returns
+    -------
+    ndarray
+
+    Examples
+    --------
+    >>> np.round(surprise(np.array([2.0, 6.6, 2000.0]), 2), 6)  # half of it, of two parameters
+    array([   1. ,    3.3, 1000. ])
+    """
+    near = -np.log(scipy.special.chdtrc(freedom, np.minimum(chi, _ASYMPTOTIC)))
+    half = np.maximum(chi, _ASYMPTOTIC) / 2
+    far = half - (freedom / 2 - 1) * np.log(half) + scipy.special.gammaln(freedom / 2)
+    return np.asarray(np.where(chi < _ASYMPTOTIC, near, far))
+
+
+class Cause(NamedTuple):
+    """What makes a contrast of units."""
+
+    source: ShiftSource
+    effect: ShiftEffect
+    course: int  # its number
+    sizing: Array  # (d, parameters): small changes of amplitudes times it are those of the sizes
+    misfit: float
+    rivals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Courses:
+    """Units, and the shares of a shift that they may have.
+
+    Attributes
+    ----------
+    fits : Fits
+    weight : ndarray, shape (d, d)
+    values : ndarray, shape (units, d)
+    shares : ndarray, shape (2, courses, units)
+        Share of each unit, and its square, about their means.
+    """
+
+    fits: Fits
+    weight: Array
+    values: Array
+    shares: Array
+
+    def contrast(self, number: int, values: Array) -> Array:
+        """Sum of units' amplitudes that is largest for a course, of unit variance, shape (d,)."""
+        share = self.shares[0, number]
+        return np.asarray(share @ values / np.linalg.norm(share))
+
+    def scaled(self, effect: ShiftEffect) -> tuple[Array, Array]:
+        """Chi-squares of an effect times the factor that suits each course best, and these factors, (courses,) each."""
+        of = np.stack([effect.slope, effect.bend])
+        along = np.einsum("pcu,up->pc", self.shares, self.values @ self.weight @ of.T)
+        own = np.einsum("pcu,qcu->pqc", self.shares, self.shares) * (of @ self.weight @ of.T)[:, :, None]
+        powers = np.stack([_TIMES, _TIMES**2])
+        chi = 2 * np.einsum("pc,pt->ct", along, powers) - np.einsum("pqc,pt,qt->ct", own, powers, powers)
+        best = chi.argmax(axis=1)
+        return np.take_along_axis(chi, best[:, None], axis=1)[:, 0], _TIMES[best]
+
+    def at(self, number: int, solved: Mapping[int, ShiftEffect]) -> tuple[Array, list[ShiftEffect]]:
+        """Chi-square and effect of each candidate with one course: to first order where it was not solved."""
+        contrast, fits = self.contrast(number, self.values), self.fits
+        away, chi = contrast / np.linalg.norm(self.shares[0, number]), fits.chi_squares(contrast @ fits.basis)
+        sizes = [away @ sizing for sizing in fits.sizing]
+        pairs = zip(sizes, fits.candidates, strict=True)
+        effects = [ShiftEffect(size, one.columns @ size, np.zeros(len(away))) for size, one in pairs]
+        only = replace(self, shares=self.shares[:, [number]])
+        for candidate, effect in solved.items():
+            (chi[candidate],), (factor,) = only.scaled(effect)
+            effects[candidate] = effect.times(factor)
+        return chi, effects
+
+    def likely(self, number: int, chi: Array, effects: Sequence[ShiftEffect]) -> tuple[int, float, Array]:
+        """The likeliest candidate with one course, the misfit that it leaves, and how likely each of them is."""
+        sizes, share = [one.sizes for one in effects], self.shares[:, number]
+        first = self.fits.best(self.fits.likely(chi, sizes))
+        rest = self.values - np.outer(share[0], effects[first].slope) - np.outer(share[1], effects[first].bend)
+        left = misfit(self.contrast(number, rest), self.weight, 0.0, int(self.fits.freedom[first]))
+        likely = self.fits.likely(chi, sizes, left)
+        return self.fits.best(likely), left, likely
+
+
+def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: Beyond, at: int = 0) -> Cause:
+    """The candidate that makes a difference of units, and its course.
+
+    Influences find a shift, but where it opens or closes contacts they tell neither its part nor its size nor its
+    beginning.  So the likeliest candidates are solved with it.
+
+    Parameters
+    ----------
+    fits : Fits
+    courses : ndarray, shape (courses, units)
+        Share of the shift that each unit has.
+    values : ndarray, shape (units, d)
+        Whitened amplitudes.
+    weight : ndarray, shape (d, d)
+        Inverse covariance of a unit's amplitudes.
+    beyond : callable
+    at : int
+        The course that was found.
+
+    Returns
+    -------
+    Cause
+    """
+    shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in (1, 2)])
+    of, solved = _Courses(fits, weight, values, shares), dict[int, ShiftEffect]()
+    chi, effects = of.at(at, solved)
+    best, left, likely = of.likely(at, chi, effects)
+    asked = [n for n in np.argsort(-likely)[:_SOLVED].tolist() if likely[n] > _VECTOR]
+    for _ in range(_SOLUTIONS):
+        some = [fits.candidates[n] for n in asked]
+        sizes = [_within(effects[n].sizes, _LARGEST * one.plausible) for n, one in zip(asked, some, strict=True)]
+        for n, one, size, (more, less) in zip(asked, some, sizes, beyond(some, sizes) if some else (), strict=True):
+            solved[n] = ShiftEffect(size, one.columns @ size + (more - less) / 2, (more + less) / 2)
+        for _ in range(2):  # the best is another with its own course, and its course another
+            chi, effects = of.at(at, solved)
+            best, left, likely = of.likely(at, chi, effects)
+            at = int(np.argmax(of.scaled(solved.get(best, effects[best]))[0]))
+        chi, effects = of.at(at, solved)
+        best, left, likely = of.likely(at, chi, effects)
+        near = [n for n in asked if likely[n] > likely[best] - RIVAL * left]
+        asked = [n for n in near if _far(effects[n].sizes, solved[n].sizes)]
+    one, effect = fits.candidates[best], effects[best]
+    slope = effect.slope + 2 * (shares[0, at] @ shares[1, at]) / (shares[0, at] @ shares[0, at]) * effect.bend
+    columns = one.columns + np.outer(slope - one.columns @ effect.sizes, effect.sizes) / (effect.sizes @ effect.sizes)
+    pressed = weight @ columns
+    sizing = np.asarray(np.linalg.solve(columns.T @ pressed, pressed.T).T)
+    return Cause(one, effect, at, sizing, left, fits.rivals(likely, best, left))
+
+
+def _within(sizes: Array, most: Array) -> Array:
+    """Sizes in the same direction, none beyond its bound."""
+    return np.asarray(sizes / max(1.0, float(np.max(np.abs(sizes) / most))))
+
+
+def _far(sizes: Array, solved: Array) -> bool:
+    """Whether sizes are so far from those that were solved that what was found there may not hold."""
+    return float(np.linalg.norm(sizes - solved)) > _AGAIN * float(np.linalg.norm(sizes))
