@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,8 @@ from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.result import Change, Lot, Outsider
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
-from rverror.statics.loaded_state import SOFTENING
+from rverror.statics.loaded_state import SOFTENING, NotConvergedError
+from rverror.tolerances.loaded_units import LoadedTurn
 
 MODEL = Model(UNIT)
 THETA = TURN * np.arange(128) / 128
@@ -475,7 +477,7 @@ def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monke
     intervals_hold(found)
 
 
-def test_what_a_shift_does_beyond_influences() -> None:
+def test_what_a_shift_does_beyond_influences(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing where it is small; a large one together with influences what the equilibrium of each unit says."""
     some = simulator()
     state = State(np.full(len(some.parts.processes), 1e-3))
@@ -493,6 +495,17 @@ def test_what_a_shift_does_beyond_influences() -> None:
         )
     assert np.abs(found[0]).max() < 1e-4 * np.abs(solved.influence @ small).max()
     assert np.abs(found[1]).max() > 0.01 * np.abs(solved.influence @ large).max()
+    state_of = LoadedTurn.state
+
+    def jams(self: LoadedTurn, given: Array, **how: Any) -> Any:
+        if np.abs(given).max() > 1.0:
+            raise NotConvergedError("no equilibrium")
+        return state_of(self, given, **how)
+
+    monkeypatch.setattr(LoadedTurn, "state", jams)
+    jammed = some.beyond_influences(state, standard, np.array([1e3 * large, large]))
+    assert not jammed[0].any()
+    np.testing.assert_array_equal(jammed[1], found[1])
 
 
 def test_an_interval_is_that_of_a_sample_variance() -> None:

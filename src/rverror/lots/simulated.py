@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -211,20 +212,24 @@ class Simulator:
         Returns
         -------
         ndarray, shape (shifts, 2, d)
-            Of each shift, and of its opposite.
+            Of each shift, and of its opposite, in units that have an equilibrium with it; nothing where none has.
         """
         turns, both = self._loaded(state.compliance), np.stack([shifts, -shifts], axis=1)
 
         def solve(row: Array) -> Array:
             errors = self.errors(state, row)
             values, influence, _ = self._solved(turns, errors)
-            moved = np.maximum(errors + both.reshape(-1, errors.size), self.parts.least)
-            waves = self._waves(turns, moved).reshape(len(moved), len(turns), -1)
-            changed = self.amplitudes.of_waves(waves).reshape(len(moved), -1) * self.scale - values
-            return np.asarray(changed - (moved - errors) @ influence)
+            found = np.full((both.shape[0] * 2, len(values)), np.nan)
+            for row_of, shift in zip(found, both.reshape(-1, errors.size), strict=True):
+                moved = np.maximum(errors + shift, self.parts.least)
+                with suppress(NotConvergedError):
+                    changed = self.amplitudes.of_waves(self._waves(turns, [moved])).ravel() * self.scale - values
+                    row_of[:] = changed - (moved - errors) @ influence
+            return found
 
-        found = np.mean(each_solved(solve, list(standard)), axis=0)
-        return np.asarray(found.reshape(*both.shape[:2], -1))
+        found = np.array(each_solved(solve, list(standard)))
+        counts = np.maximum(np.isfinite(found).sum(axis=0), 1)
+        return np.asarray((np.nan_to_num(found).sum(axis=0) / counts).reshape(*both.shape[:2], -1))
 
     @staticmethod
     def _waves(turns: Sequence[LoadedTurn], units: Iterable[Array]) -> Array:
