@@ -16,17 +16,22 @@ from rverror.base.arrays import Array
 from rverror.lots import differences
 from rverror.lots.differences import steady, tail_chance
 from rverror.lots.result import Change, Difference, Interval, Shift
-from rverror.lots.shifts import Fits, ShiftSource, candidates_of, misfit, surprise
+from rverror.lots.shifts import Beyond, Fits, ShiftEffect, ShiftSource, candidates_of, misfit, surprise
 
 SOME, D, UNITS = RandomUnits(60, 0.25), 60, 120
 
 
-def group_differences(*given: Any, **more: Any) -> tuple[Difference, ...]:
-    return tuple(one for one, _ in differences.group_differences(*given, **more))
+def linear(sources: Sequence[ShiftSource], sizes: Sequence[Array], _: int) -> Array:
+    """Units that do nothing beyond influences."""
+    return np.zeros((len(sources), 2, D))
 
 
-def changes_over_serial(*given: Any, **more: Any) -> tuple[Change, ...]:
-    return tuple(one for one, _ in differences.changes_over_serial(*given, **more))
+def group_differences(*given: Any, beyond: Beyond = linear, **more: Any) -> tuple[Difference, ...]:
+    return tuple(one for one, _ in differences.group_differences(*given, beyond=beyond, **more))
+
+
+def changes_over_serial(*given: Any, beyond: Beyond = linear, **more: Any) -> tuple[Change, ...]:
+    return tuple(one for one, _ in differences.changes_over_serial(*given, beyond=beyond, **more))
 
 
 @cache
@@ -253,8 +258,8 @@ def test_what_a_large_change_does_beyond_the_first_order_is_no_change_of_its_own
     (found,) = changes_over_serial(values, SERIALS, SOME.weight, candidates())
     assert found.cause.key == cams.key
     assert abs(SERIALS.index(found.since) - 80) <= 8
-    assert misfit(np.full(D, 2.0), np.eye(D), 4.0 * D - 30.0, 1) == 1.0
-    assert misfit(np.full(D, 2.0), np.eye(D), 2.0 * D + 2.0, 1) == pytest.approx(2.0)
+    assert misfit(np.full(D, math.sqrt(30.0 / D)), np.eye(D), 1) == 1.0
+    assert misfit(np.full(D, math.sqrt((2.0 * D - 2.0) / D)), np.eye(D), 1) == pytest.approx(2.0)
 
 
 def test_what_a_cause_leaves_widens_its_interval_and_brings_rivals() -> None:
@@ -319,7 +324,7 @@ def test_a_large_shift_is_told_by_what_it_does_beyond_the_first_order() -> None:
     share = np.maximum(np.arange(UNITS) - 59, 0) / (UNITS - 60)
     values = lot(7) + np.outer(share * size, cams.columns[:, 0]) + np.outer(share**2, bend)
 
-    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array]) -> Array:
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array], _: int) -> Array:
         own = [one.label == cams.label and one.parameters == cams.parameters for one in sources]
         found = [at * (given[0] / size) ** 2 * bend for at, given in zip(own, sizes, strict=True)]
         return np.stack([found, found], axis=1)
@@ -330,9 +335,47 @@ def test_a_large_shift_is_told_by_what_it_does_beyond_the_first_order() -> None:
     assert (found.cause.key, dict(found.cause.indices), found.cause.parameter) == (cams.key, {"disc": 0}, "radial")
     assert size in found.cause.size
     assert abs(SERIALS.index(found.since) - 60) <= 6
-    labels = {"machine": ("A", "B") * (UNITS // 2)}
-    values = lot(8)
-    values[1::2] += cams.columns[:, 0] * size + bend
-    (group,) = group_differences(values, labels, SOME.weight, candidates(), beyond=beyond)
-    assert (group.causes[0].key, dict(group.causes[0].indices)) == (cams.key, {"disc": 0})
-    assert size in group.causes[0].size
+
+
+def test_a_large_difference_has_the_size_and_error_of_what_the_opposites_show() -> None:
+    """Beside what it does to first order, 20 errors of a unit along the encoder whatever the sign, and 10 with it."""
+    cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
+    other = of_parts("sensor.encoder_eccentricity", "sin")
+    size, even = error_of(cams, 8), encoder.columns[:, 0] * error_of(encoder, 20)
+    odd = other.columns[:, 0] * error_of(other, 10)
+
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array], _: int) -> Array:
+        found = []
+        for one, given in zip(sources, sizes, strict=True):
+            times = given[0] / size * (one.label == cams.label and one.parameters == cams.parameters)
+            found.append([times**2 * even + times * odd, times**2 * even - times * odd])
+        return np.array(found)
+
+    labels, covered = {"machine": ("A", "B") * (UNITS // 2)}, 0
+    for seed in range(20):
+        values = lot(seed)
+        values[1::2] += cams.columns[:, 0] * size + even + odd
+        found, *_ = group_differences(values, labels, SOME.weight, candidates(), beyond=beyond)  # one is by chance
+        (one,) = found.causes
+        assert (one.key, dict(one.indices), one.parameter) == (cams.key, {"disc": 0}, "radial")
+        slope = (cams.columns[:, 0] * size + 2 * even + odd) / size
+        error = 2 / math.sqrt(UNITS * (slope @ SOME.weight @ slope))
+        assert (one.size.high - one.size.low) / 2 == pytest.approx(1.98 * error, rel=0.35)
+        covered += size in one.size
+    assert covered >= 16  # of 20 at 95 %: fewer are a chance of 0.3 %
+
+
+def test_a_share_of_a_shift_is_a_smaller_shift() -> None:
+    rng, share = np.random.default_rng(0), np.array([0.0, 0.5, 1.0])
+    effect = ShiftEffect(np.array([2.0]), *rng.standard_normal((2, D)))
+    np.testing.assert_allclose(effect.times(-3.0).of(share), effect.of(-3.0 * share))
+    np.testing.assert_allclose(effect.of(share)[1], effect.slope / 2 + effect.bend / 4)
+    assert effect.times(-3.0).sizes == pytest.approx(np.array([-6.0]))
+
+
+def test_a_second_parameter_has_to_be_worth_more_where_the_best_leaves_a_misfit() -> None:
+    some = [one for one in candidates() if one.label == "crank.eccentricity (disc 0)"]
+    fits = Fits.of(some, SOME.weight)
+    chi = np.where(fits.freedom == 2, 110.0, np.where(np.arange(3) == 0, 100.0, 0.0))
+    assert fits.freedom[fits.best(chi)] == 2
+    assert fits.freedom[fits.best(chi, 2.0)] == 1

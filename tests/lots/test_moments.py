@@ -11,13 +11,17 @@ import scipy
 
 import rverror
 from gear_runs import TURN, UNIT
+from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import LotUnit, amplitudes_of
+from rverror.lots.differences import group_differences
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.moments import LotEstimate, MomentMatching, interval, sample_of
 from rverror.lots.processes import processes_of
+from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, State
 from rverror.model.effects import Model
+from rverror.statics.loaded_state import SOFTENING
 
 PINS = "cycloid.pin_position"
 
@@ -98,6 +102,41 @@ def test_mean_influences_size_what_moves_the_mean_of_units_solved_exactly(questi
         moved = (question.simulator.values(found.state, more) - before).mean(axis=0)
         along = found.weight @ found.influence[:, at]
         assert along @ moved / (along @ found.influence[:, at]) == pytest.approx(0.3e-3, rel=0.1)
+
+
+@pytest.mark.parametrize("torque", ["60 N*m", "200 N*m"])
+def test_a_large_shift_of_units_solved_exactly_is_told_with_its_size(torque: str) -> None:
+    """A pitch 6 um off moves the ends of the loaded zone: influences tell second harmonics, where no disc has any."""
+    simulator = asked(("cycloid.disc_pitch 1", "cycloid.disc_pitch 2", "crank.eccentricity"), torque).simulator
+    parts, rng = simulator.parts, np.random.default_rng(5)
+    state = State(np.array([1e-3, 1e-9, 1e-9]), np.zeros(COMPLIANCES))
+    drawn = simulator.draws(state, rng.standard_normal((600, len(parts.process))))
+    weight = np.linalg.inv(np.cov(drawn.values.T) + np.eye(drawn.values.shape[1]))
+    pitch = parts.shifted("cycloid.disc_pitch", {"disc": 0, "harmonic": 1}, {"cos": 6e-3})
+    rows = simulator.errors(state, rng.standard_normal((80, len(parts.process))))
+    soft = np.zeros(len(SOFTENING))
+    values = np.array([simulator.linearised(row + pitch * (at % 2), soft)[0] for at, row in enumerate(rows)])
+    values += rng.standard_normal(values.shape) - values.mean(axis=0)
+
+    def solved(sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
+        pairs = zip(sources, sizes, strict=True)
+        shifts = [parts.shifted(one.key, one.indices, dict(zip(one.parameters, s, strict=True))) for one, s in pairs]
+        return simulator.beyond_influences(state, rng.standard_normal((units, len(parts.process))), np.array(shifts))
+
+    def linear(sources: Sequence[ShiftSource], *_: object) -> Array:
+        return np.zeros((len(sources), 2, len(weight)))
+
+    labels, candidates = {"machine": ("A", "B") * 40}, candidates_of(drawn.influence, parts)
+    ((first, _), *_) = group_differences(values, labels, weight, candidates, beyond=linear)
+    assert first.causes[0].indices["harmonic"] == 2
+    ((found, _),) = group_differences(values, labels, weight, candidates, beyond=solved)
+    cause, size = found.causes[0], {one.parameter: one.size for one in found.causes}
+    assert (cause.key, cause.indices["harmonic"]) == ("cycloid.disc_pitch", 1)
+    assert found.rivals == (f"cycloid.disc_pitch (disc {1 - int(cause.indices['disc'])}, harmonic 1)",)
+    own = 6e-3 if cause.indices["disc"] == 0 else -6e-3  # the mirror image, beside it, has the other sign
+    assert own in size["cos"]
+    assert "sin" not in size or 0.0 in size["sin"]
+    assert 0.0 not in size["cos"]
 
 
 def test_how_well_a_process_is_known_to_vanish_is_no_matter_of_what_is_drawn_in_its_place(question: Question) -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.lots.result import Change, Difference
-from rverror.lots.shifts import Beyond, Fits, ShiftEffect, ShiftSource, explained, nothing_beyond
+from rverror.lots.shifts import Beyond, Fits, ShiftEffect, ShiftSource, explained
 
 _VALUES = (2, 20)  # of a label: one tells nothing, and more are serial numbers under another name
 _LEAST = 5  # units of a value, and of the others: a mean of fewer is that of one odd unit
@@ -74,9 +74,9 @@ def group_differences(
     weight: Array,
     candidates: Sequence[ShiftSource],
     *,
+    beyond: Beyond,
     level: float = 0.01,
     seed: int = 0,
-    beyond: Beyond = nothing_beyond,
 ) -> tuple[tuple[Difference, ShiftEffect], ...]:
     """Values of labels whose units differ from those of the other values, and the parts that make it so.
 
@@ -93,11 +93,11 @@ def group_differences(
     weight : ndarray, shape (d, d)
         Inverse covariance of a unit's amplitudes.
     candidates : sequence of ShiftSource
+    beyond : callable
+        What shifts do beyond influences.
     level : float
         Chance of a difference where there is none, over all of them.
     seed : int
-    beyond : callable
-        What shifts do beyond influences; nothing if left out.
 
     Returns
     -------
@@ -108,11 +108,8 @@ def group_differences(
     if not groups or not fits.candidates:
         return ()
     contrasts = np.array([group.contrast for group in groups])
-    rng, left, found = (
-        np.random.default_rng(seed),
-        np.array(values, dtype=np.float64),
-        list[tuple[Difference, ShiftEffect]](),
-    )
+    rng, left = np.random.default_rng(seed), np.array(values, dtype=np.float64)
+    found = list[tuple[Difference, ShiftEffect]]()
     while len(found) < _DIFFERENCES:
         at, chance = _most_surprising(fits, contrasts, left, _SHUFFLES, rng)
         if chance >= level:
@@ -179,15 +176,15 @@ def changes_over_serial(
     weight: Array,
     candidates: Sequence[ShiftSource],
     *,
+    beyond: Beyond,
     level: float = 0.01,
     seed: int = 0,
-    beyond: Beyond = nothing_beyond,
 ) -> tuple[tuple[Change, ShiftEffect], ...]:
     """Steps and ramps of a mean over the serial numbers, and the parts that make them.
 
     Candidates of one parameter count.  The most surprising over candidates, courses and beginnings is compared with
-    what units in any order make.  Of what is found the search goes on in the steady part alone (`steady`): a shift that
-    is large enough to be seen is not taken off to the last bit by influences of the first order.
+    what units in any order make.  Of what is found the search goes on in the steady part alone (`steady`): what is
+    known of a shift takes it off in the mean, not from each unit.
 
     Parameters
     ----------
@@ -197,11 +194,11 @@ def changes_over_serial(
     weight : ndarray, shape (d, d)
         Inverse covariance of a unit's amplitudes.
     candidates : sequence of ShiftSource
+    beyond : callable
+        What shifts do beyond influences.
     level : float
         Chance of a change where there is none, over all of them.
     seed : int
-    beyond : callable
-        What shifts do beyond influences; nothing if left out.
 
     Returns
     -------

@@ -43,7 +43,6 @@ _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told 
 # times the amplitudes, and at least: units of which the covariance and the mean influences of an estimate are made.  A
 # covariance of n units takes d/n off a chi-square of d amplitudes; noise in the influences of 200 halved shifts
 _FRESH = (6, 800)
-_SHIFTED = 50  # units that are solved with shifts: the noise of what these do beyond influences is below a hundredth
 _MEMBERS = 400  # units that show what a member may be
 _PREDICTED = 600  # units of which the 95 % quantile is taken: it is then known to 2 % of the spread
 _FEW = 12  # instances of a process, up to which each is told by itself
@@ -203,34 +202,35 @@ def _clean(
     has settled and the members are the same as before, or no other estimate follows.
 
     Groups and changes are those of the units that were members before, and no suspects: one gross error outweighs a
-    shift of all.  Units with either are left out of the estimate, where enough remain: influences of the first order do
-    not take all of it off.  Suspects are left out too, lest gross errors widen a process until they are its members.
+    shift of all.  Units with either are left out of the estimate, where enough remain: what is known of a shift takes
+    it off in the mean alone.  Suspects are left out too, lest gross errors widen a process until they are its members.
     Where units by themselves would be more than a fifth, they are the lot, and none is named.
     """
-    amplitudes, weight, influence = simulator.amplitudes, estimate.weight, estimate.influence
-    candidates = candidates_of(influence, simulator.parts) if amplitudes.marked else ()
+    amplitudes, parts, weight = simulator.amplitudes, simulator.parts, estimate.weight
+    candidates = candidates_of(estimate.influence, parts) if amplitudes.marked else ()
     places = np.flatnonzero(before.members & ~np.isin(amplitudes.serials, before.suspects))
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
-    middle = np.tile(simulator.parts.middle, (len(values), 1))  # mean errors of each unit's parts
+    middle = np.tile(parts.middle, (len(values), 1))  # mean errors of each unit's parts
 
-    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array]) -> Array:
-        standard = np.random.default_rng(seed + 3).standard_normal((_SHIFTED, len(simulator.parts.process)))
-        shifts = [_shifted(simulator.parts, s.shifts(size, size, 0.0)) for s, size in zip(sources, sizes, strict=True)]
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
+        standard = np.random.default_rng(seed + 3).standard_normal((units, len(parts.process)))
+        pairs = zip(sources, sizes, strict=True)
+        shifts = [parts.shifted(one.key, one.indices, dict(zip(one.parameters, s, strict=True))) for one, s in pairs]
         return simulator.beyond_influences(estimate.state, standard, np.array(shifts))
 
     groups = group_differences(
-        _centred(left[places]), labels, weight, candidates, level=LEVEL / 2, seed=seed, beyond=beyond
+        _centred(left[places]), labels, weight, candidates, beyond=beyond, level=LEVEL / 2, seed=seed
     )
     for group, effect in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
         left -= effect.of(inside.astype(np.float64))
-        middle[inside] += _shifted(simulator.parts, group.causes)
+        middle[inside] += _shifted(parts, group.causes)
         alike &= ~inside
 
     changed = changes_over_serial(
-        _centred(left[places]), serials, weight, candidates, level=LEVEL / 2, seed=seed, beyond=beyond
+        _centred(left[places]), serials, weight, candidates, beyond=beyond, level=LEVEL / 2, seed=seed
     )
     changes = [change for change, _ in changed]
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units
@@ -238,7 +238,7 @@ def _clean(
         first, end = places[serials.index(change.since)], ends[steady(changes[:number], serials).stop]
         share = course(change.course, first, end, len(values))
         left -= effect.of(share)
-        middle += np.outer(share, _shifted(simulator.parts, (change.cause,)))
+        middle += np.outer(share, _shifted(parts, (change.cause,)))
     part = steady(changes, serials)
     unchanged = np.zeros(len(values), np.bool_)
     unchanged[ends[part.start] : ends[part.stop]] = True

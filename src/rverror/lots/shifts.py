@@ -28,9 +28,10 @@ _APART = 1e-6  # of two columns' information, in the direction that both leave: 
 _ASYMPTOTIC = 500.0  # chi-square from which on the tail's first term is right to a part in 200; its own underflows
 _VECTOR = 6.6  # chi-square of one parameter that chance exceeds in 1 %: a second parameter has to be worth it
 RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
-_SOLVED = 16  # likeliest sources of a shift that are solved: a second each
+_FEW, _MANY = 8, 50  # units in which all candidates are solved, and the likeliest: what they do differs by factors
+_SOLVED = 16  # likeliest candidates
+_ROUNDS, _CHANGED = 3, 0.1  # the last for those whose size has changed by so much since it was solved
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
-_SOLUTIONS, _AGAIN = 2, 0.2  # of a source at most: the second where its size has changed by so much since the first
 _TIMES = np.linspace(-2.0, 2.0, 1601)  # of the size at which a source was solved: a lot shows no shift to 1/400
 
 
@@ -175,13 +176,8 @@ class ShiftEffect(NamedTuple):
         return ShiftEffect(factor * self.sizes, factor * self.slope, factor**2 * self.bend)
 
 
-#: Of sources and their sizes, what each and its opposite do beyond influences, shape (sources, 2, d)
-Beyond = Callable[[Sequence[ShiftSource], Sequence[Array]], Array]
-
-
-def nothing_beyond(sources: Sequence[ShiftSource], _: Sequence[Array]) -> Array:
-    """Of units that are linear."""
-    return np.zeros((len(sources), 2, len(sources[0].columns)))
+#: Of sources and their sizes, what each and its opposite do beyond influences in so many units, shape (sources, 2, d)
+Beyond = Callable[[Sequence[ShiftSource], Sequence[Array], int], Array]
 
 
 @dataclass(frozen=True)
@@ -241,13 +237,14 @@ class Fits:
         over = np.array([float(np.sum((size / one.plausible) ** 2)) for size, one in pairs])
         return np.maximum(chi - misfit * over / POLICY.workshop**2, 0.0)
 
-    def best(self, chi: Array) -> int:
-        """Number of the candidate that explains most; all parameters of its parts only where one does not do."""
+    def best(self, chi: Array, misfit: float = 1.0) -> int:
+        """Number of the candidate that explains most; all parameters of its parts only where one does not do, for which
+        a difference counts in units of the misfit."""
         found = int(np.argmax([surprise(np.array(t), q) for t, q in zip(chi, self.freedom, strict=True)]))
         own = [number for number in range(len(chi)) if self._same(number, found)]
         whole = max(own, key=lambda number: (self.freedom[number], chi[number]))
         single = max(own, key=lambda number: (-self.freedom[number], chi[number]))
-        return whole if chi[whole] - chi[single] >= _VECTOR else single
+        return whole if chi[whole] - chi[single] >= _VECTOR * misfit else single
 
     def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
         """Other parts that do it nearly as well, the nearest first, and all mirror images; more where the best leaves
@@ -272,18 +269,16 @@ class Fits:
         return a.key == b.key and a.indices == b.indices
 
 
-def misfit(contrast: Array, weight: Array, chi: float, freedom: int) -> float:
+def misfit(left: Array, weight: Array, freedom: int) -> float:
     """Chi-square of what a cause leaves of a contrast of units, over its degrees of freedom; 1 where it is less.
 
-    A large shift is more than influences of the first order, and what they lack must not decide between parts.
+    What is known of a shift is not all that it does, and what is lacking must not decide between parts.
 
     Parameters
     ----------
-    contrast : ndarray, shape (d,)
-        Sum of units' whitened amplitudes, of unit variance.
+    left : ndarray, shape (d,)
+        Of a sum of units' whitened amplitudes that has unit variance.
     weight : ndarray, shape (d, d)
-    chi : float
-        What the cause explains.
     freedom : int
         Of the cause.
 
@@ -291,7 +286,7 @@ def misfit(contrast: Array, weight: Array, chi: float, freedom: int) -> float:
     -------
     float
     """
-    return max(1.0, (float(contrast @ weight @ contrast) - chi) / max(len(contrast) - freedom, 1))
+    return max(1.0, float(left @ weight @ left) / max(len(left) - freedom, 1))
 
 
 def surprise(chi: Array, freedom: float) -> Array:
@@ -328,6 +323,15 @@ class Cause(NamedTuple):
     rivals: tuple[str, ...]
 
 
+class _Ranking(NamedTuple):
+    """Candidates with one course."""
+
+    effects: list[ShiftEffect]
+    likely: Array  # chi-square of each less what its prior takes off
+    best: int
+    misfit: float  # that the best leaves
+
+
 @dataclass(frozen=True)
 class _Courses:
     """Units, and the shares of a shift that they may have.
@@ -346,11 +350,6 @@ class _Courses:
     values: Array
     shares: Array
 
-    def contrast(self, number: int, values: Array) -> Array:
-        """Sum of units' amplitudes that is largest for a course, of unit variance, shape (d,)."""
-        share = self.shares[0, number]
-        return np.asarray(share @ values / np.linalg.norm(share))
-
     def scaled(self, effect: ShiftEffect) -> tuple[Array, Array]:
         """Chi-squares of an effect times the factor that suits each course best, and these factors, (courses,) each."""
         of = np.stack([effect.slope, effect.bend])
@@ -361,34 +360,37 @@ class _Courses:
         best = chi.argmax(axis=1)
         return np.take_along_axis(chi, best[:, None], axis=1)[:, 0], _TIMES[best]
 
-    def at(self, number: int, solved: Mapping[int, ShiftEffect]) -> tuple[Array, list[ShiftEffect]]:
-        """Chi-square and effect of each candidate with one course: to first order where it was not solved."""
-        contrast, fits = self.contrast(number, self.values), self.fits
-        away, chi = contrast / np.linalg.norm(self.shares[0, number]), fits.chi_squares(contrast @ fits.basis)
-        sizes = [away @ sizing for sizing in fits.sizing]
-        pairs = zip(sizes, fits.candidates, strict=True)
-        effects = [ShiftEffect(size, one.columns @ size, np.zeros(len(away))) for size, one in pairs]
-        only = replace(self, shares=self.shares[:, [number]])
-        for candidate, effect in solved.items():
-            (chi[candidate],), (factor,) = only.scaled(effect)
-            effects[candidate] = effect.times(factor)
-        return chi, effects
+    def bent(self, course: int) -> float:
+        """Mean square of a course over its mean share, as the contrast of the units weighs them."""
+        share, square = self.shares[:, course]
+        return float(share @ square) / float(share @ share)
 
-    def likely(self, number: int, chi: Array, effects: Sequence[ShiftEffect]) -> tuple[int, float, Array]:
-        """The likeliest candidate with one course, the misfit that it leaves, and how likely each of them is."""
-        sizes, share = [one.sizes for one in effects], self.shares[:, number]
-        first = self.fits.best(self.fits.likely(chi, sizes))
-        rest = self.values - np.outer(share[0], effects[first].slope) - np.outer(share[1], effects[first].bend)
-        left = misfit(self.contrast(number, rest), self.weight, 0.0, int(self.fits.freedom[first]))
-        likely = self.fits.likely(chi, sizes, left)
-        return self.fits.best(likely), left, likely
+    def ranked(self, course: int, solved: Mapping[int, ShiftEffect]) -> _Ranking:
+        """Candidates with one course, to first order where they were not solved."""
+        fits, share = self.fits, self.shares[0, course]
+        size = float(np.linalg.norm(share))
+        contrast = share @ self.values / size
+        chi = fits.chi_squares(contrast @ fits.basis)
+        linear = [contrast @ sizing / size for sizing in fits.sizing]
+        pairs = zip(linear, fits.candidates, strict=True)
+        effects = [ShiftEffect(sizes, one.columns @ sizes, np.zeros(len(contrast))) for sizes, one in pairs]
+        only = replace(self, shares=self.shares[:, [course]])
+        for number, effect in solved.items():
+            (chi[number],), (factor,) = only.scaled(effect)
+            effects[number] = effect.times(factor)
+        sizes = [one.sizes for one in effects]
+        first = fits.best(fits.likely(chi, sizes))
+        left = contrast - size * (effects[first].slope + self.bent(course) * effects[first].bend)
+        beyond = misfit(left, self.weight, int(fits.freedom[first]))
+        likely = fits.likely(chi, sizes, beyond)
+        return _Ranking(effects, likely, fits.best(likely, beyond), beyond)
 
 
 def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: Beyond, at: int = 0) -> Cause:
     """The candidate that makes a difference of units, and its course.
 
     Influences find a shift, but where it opens or closes contacts they tell neither its part nor its size nor its
-    beginning.  So the likeliest candidates are solved with it.
+    beginning.  So all candidates are solved with it in few units, and the likeliest in more.
 
     Parameters
     ----------
@@ -409,28 +411,27 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: 
     """
     shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in (1, 2)])
     of, solved = _Courses(fits, weight, values, shares), dict[int, ShiftEffect]()
-    chi, effects = of.at(at, solved)
-    best, left, likely = of.likely(at, chi, effects)
-    asked = [n for n in np.argsort(-likely)[:_SOLVED].tolist() if likely[n] > _VECTOR]
-    for _ in range(_SOLUTIONS):
+    found, asked, units = of.ranked(at, solved), list(range(len(fits.candidates))), _FEW
+    for _ in range(_ROUNDS):
         some = [fits.candidates[n] for n in asked]
-        sizes = [_within(effects[n].sizes, _LARGEST * one.plausible) for n, one in zip(asked, some, strict=True)]
-        for n, one, size, (more, less) in zip(asked, some, sizes, beyond(some, sizes) if some else (), strict=True):
+        pairs = zip(asked, some, strict=True)
+        sizes = [_within(found.effects[n].sizes, _LARGEST * one.plausible) for n, one in pairs]
+        opposites = beyond(some, sizes, units) if some else ()
+        for n, one, size, (more, less) in zip(asked, some, sizes, opposites, strict=True):
             solved[n] = ShiftEffect(size, one.columns @ size + (more - less) / 2, (more + less) / 2)
-        for _ in range(2):  # the best is another with its own course, and its course another
-            chi, effects = of.at(at, solved)
-            best, left, likely = of.likely(at, chi, effects)
-            at = int(np.argmax(of.scaled(solved.get(best, effects[best]))[0]))
-        chi, effects = of.at(at, solved)
-        best, left, likely = of.likely(at, chi, effects)
-        near = [n for n in asked if likely[n] > likely[best] - RIVAL * left]
-        asked = [n for n in near if _far(effects[n].sizes, solved[n].sizes)]
-    one, effect = fits.candidates[best], effects[best]
-    slope = effect.slope + 2 * (shares[0, at] @ shares[1, at]) / (shares[0, at] @ shares[0, at]) * effect.bend
+        found = of.ranked(at, solved)
+        for _ in range(2):  # what is best with one course may have another, and with that not be best
+            at = int(np.argmax(of.scaled(found.effects[found.best])[0]))
+            found = of.ranked(at, solved)
+        likeliest = np.argsort(-found.likely)[:_SOLVED].tolist()
+        asked = [n for n in likeliest if units == _FEW or _far(found.effects[n].sizes, solved[n].sizes)]
+        units = _MANY
+    one, effect = fits.candidates[found.best], found.effects[found.best]
+    slope = effect.slope + 2 * of.bent(at) * effect.bend
     columns = one.columns + np.outer(slope - one.columns @ effect.sizes, effect.sizes) / (effect.sizes @ effect.sizes)
     pressed = weight @ columns
     sizing = np.asarray(np.linalg.solve(columns.T @ pressed, pressed.T).T)
-    return Cause(one, effect, at, sizing, left, fits.rivals(likely, best, left))
+    return Cause(one, effect, at, sizing, found.misfit, fits.rivals(found.likely, found.best, found.misfit))
 
 
 def _within(sizes: Array, most: Array) -> Array:
@@ -440,4 +441,4 @@ def _within(sizes: Array, most: Array) -> Array:
 
 def _far(sizes: Array, solved: Array) -> bool:
     """Whether sizes are so far from those that were solved that what was found there may not hold."""
-    return float(np.linalg.norm(sizes - solved)) > _AGAIN * float(np.linalg.norm(sizes))
+    return float(np.linalg.norm(sizes - solved)) > _CHANGED * float(np.linalg.norm(sizes))

@@ -140,11 +140,7 @@ class Simulator:
     def waveforms(self, state: State, standard: Array) -> Array:
         """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n)."""
         turns = self._loaded(state.compliance)
-
-        def solve(values: Array) -> list[Array]:
-            return [turn.read(turn.state(values), values) for turn in turns]
-
-        return np.array(each_solved(solve, list(self.errors(state, standard))))
+        return np.array(each_solved(lambda errors: self._waves(turns, [errors]), list(self.errors(state, standard))))
 
     def values(self, state: State, standard: Array) -> Array:
         """Whitened amplitudes of units, of those that have an equilibrium, shape (units, d)."""
