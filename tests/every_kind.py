@@ -322,7 +322,7 @@ def lot() -> Lot:
         {"pin_contact": Interval(1.125, 1.0, 1.25)},
         (Outsider(HOSTILE, 60.0, 1e-6, shifts(20.0, crank=1, disc=0), (HOSTILE,)),),
         (Difference("machine", HOSTILE, 20, 1e-4, shifts(6.0)[:1], ("crank.index",)),),
-        (Change(HOSTILE, "step", 1e-3, shifts(-7.0)[1], (HOSTILE,)),),
+        (Change(HOSTILE, (HOSTILE, HOSTILE), "step", 1e-3, shifts(-7.0)[1], (HOSTILE,)),),
         (
             Predicted("forward at 20 N*m", 30 * ARCSEC, size(50.0, ARCSEC), (31 * ARCSEC, 52 * ARCSEC)),
             Predicted("reverse at 20 N*m", 32 * ARCSEC, size(54.0, ARCSEC), (33 * ARCSEC, 55 * ARCSEC)),

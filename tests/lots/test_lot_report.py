@@ -98,6 +98,7 @@ def test_the_json_has_an_entry_for_each_process_and_parameter() -> None:
     (group,), (change,) = data["groups"], data["changes"]
     assert (group["label"], group["value"], group["difference"]) == ("machine", HOSTILE, 6.0)
     assert (change["since"], change["difference"], change["interval"]) == (HOSTILE, -7.0, [-8.4, -4.9])
+    assert change["since_interval"] == [HOSTILE, HOSTILE]
     assert data["predicted"]["condition"] == "reverse at 20 N*m"
     assert (data["predicted"]["mean_arcsec"], data["predicted"]["p95_arcsec"]) == (32.0, 54.0)
     variables = data["variables"]

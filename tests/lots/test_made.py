@@ -477,8 +477,8 @@ def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monke
     intervals_hold(found)
 
 
-def test_what_a_shift_does_beyond_influences(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing where it is small; a large one together with influences what the equilibrium of each unit says."""
+def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What influences of many units say where it is small; a large one what the equilibrium of each unit says."""
     some = simulator()
     state = State(np.full(len(some.parts.processes), 1e-3))
     standard = np.random.default_rng(2).standard_normal((3, len(some.parts.process)))
@@ -486,15 +486,16 @@ def test_what_a_shift_does_beyond_influences(monkeypatch: pytest.MonkeyPatch) ->
     small, large = (some.parts.shifted(key, at, {"radial": size}) for size in (1e-7, 0.03))
     assert np.count_nonzero(large) == 1
     errors, solved = some.errors(state, standard), some.draws(state, standard)
-    found = some.beyond_influences(state, standard, np.array([small, large]))
-    for sign, beyond in zip((1.0, -1.0), found[1], strict=True):
+    many = 1.1 * solved.influence
+    found = some.shift_effects(state, standard, np.array([small, large]), many)
+    own = some.shift_effects(state, standard, np.array([small, large]), solved.influence)
+    for sign, effect in zip((1.0, -1.0), own[1], strict=True):
         moved = [some.linearised(row + sign * large, np.zeros(len(SOFTENING)))[0] for row in errors]
         expected = np.mean(moved, axis=0) - solved.values.mean(axis=0)
-        np.testing.assert_allclose(
-            beyond + sign * solved.influence @ large, expected, atol=1e-5 * np.abs(expected).max()
-        )
-    assert np.abs(found[0]).max() < 1e-4 * np.abs(solved.influence @ small).max()
-    assert np.abs(found[1]).max() > 0.01 * np.abs(solved.influence @ large).max()
+        np.testing.assert_allclose(effect, expected, atol=1e-5 * np.abs(expected).max())
+        assert np.abs(expected - sign * solved.influence @ large).max() > 0.01 * np.abs(expected).max()
+    for sign, effect in zip((1.0, -1.0), found[0], strict=True):
+        np.testing.assert_allclose(effect, sign * many @ small, atol=1e-3 * np.abs(many @ small).max())
     state_of = LoadedTurn.state
 
     def jams(self: LoadedTurn, given: Array, **how: Any) -> Any:
@@ -503,9 +504,11 @@ def test_what_a_shift_does_beyond_influences(monkeypatch: pytest.MonkeyPatch) ->
         return state_of(self, given, **how)
 
     monkeypatch.setattr(LoadedTurn, "state", jams)
-    jammed = some.beyond_influences(state, standard, np.array([1e3 * large, large]))
-    assert not jammed[0].any()
+    jammed = some.shift_effects(state, standard, np.array([1e3 * large, large]), many)
+    np.testing.assert_allclose(jammed[0], [1e3 * many @ large, -1e3 * many @ large])
     np.testing.assert_array_equal(jammed[1], found[1])
+    with pytest.raises(NotConvergedError, match="0 of 3 drawn units have an equilibrium"):
+        some.values(state, standard + 1e3 * large / state.deviation[some.parts.process])
 
 
 def test_an_interval_is_that_of_a_sample_variance() -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.lots.result import Change, Difference
-from rverror.lots.shifts import Beyond, Fits, ShiftEffect, ShiftSource, explained
+from rverror.lots.shifts import Fits, ShiftedUnits, ShiftEffect, ShiftSource, explained
 
 _VALUES = (2, 20)  # of a label: one tells nothing, and more are serial numbers under another name
 _LEAST = 5  # units of a value, and of the others: a mean of fewer is that of one odd unit
@@ -25,6 +25,9 @@ _ROWS = 64  # contrasts of these together: as many as a product of matrices take
 _TAIL = 0.2  # of what chance makes, to which its tail is fitted
 _DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
 _EDGE, _POSITIONS = 0.05, 60  # of the units at either end, where a mean is that of few; and positions between
+# deviance that the true beginning of a step exceeds in 5 %: (1 - exp(-x / 2))^2 is its distribution (Hansen 2000); that
+# of a ramp, a chi-square, in 1 %
+_BEGINNING = -2 * math.log(1 - math.sqrt(0.95))
 
 
 def tail_chance(seen: Array, value: float) -> float:
@@ -74,7 +77,7 @@ def group_differences(
     weight: Array,
     candidates: Sequence[ShiftSource],
     *,
-    beyond: Beyond,
+    shifted: ShiftedUnits,
     level: float = 0.01,
     seed: int = 0,
 ) -> tuple[tuple[Difference, ShiftEffect], ...]:
@@ -93,8 +96,7 @@ def group_differences(
     weight : ndarray, shape (d, d)
         Inverse covariance of a unit's amplitudes.
     candidates : sequence of ShiftSource
-    beyond : callable
-        What shifts do beyond influences.
+    shifted : ShiftedUnits
     level : float
         Chance of a difference where there is none, over all of them.
     seed : int
@@ -116,10 +118,11 @@ def group_differences(
             break
         group = groups[at]
         share, some = group.inside.astype(np.float64), group.inside | group.outside
-        cause = explained(fits, share[None, some], left[some], weight, beyond)
+        cause = explained(fits, share[None, some], left[some], weight, shifted)
         left -= cause.effect.of(share)
         errors, times = _difference_error(left @ cause.sizing, group)
-        causes = cause.source.shifts(cause.effect.sizes, errors * math.sqrt(cause.misfit), times)
+        sizes, far = cause.effect.sizes, times * errors * math.sqrt(cause.misfit)
+        causes = cause.source.shifts(sizes, sizes - far, sizes + far)
         told = Difference(group.label, group.value, int(group.inside.sum()), chance, causes, cause.rivals)
         found.append((told, cause.effect))
     return tuple(found)
@@ -176,7 +179,7 @@ def changes_over_serial(
     weight: Array,
     candidates: Sequence[ShiftSource],
     *,
-    beyond: Beyond,
+    shifted: ShiftedUnits,
     level: float = 0.01,
     seed: int = 0,
 ) -> tuple[tuple[Change, ShiftEffect], ...]:
@@ -194,8 +197,7 @@ def changes_over_serial(
     weight : ndarray, shape (d, d)
         Inverse covariance of a unit's amplitudes.
     candidates : sequence of ShiftSource
-    beyond : callable
-        What shifts do beyond influences.
+    shifted : ShiftedUnits
     level : float
         Chance of a change where there is none, over all of them.
     seed : int
@@ -215,14 +217,16 @@ def changes_over_serial(
         at, chance = _most_surprising(fits, contrasts, some, _COURSE_SHUFFLES, rng)
         if chance >= level:
             break
-        cause = explained(fits, courses, some, weight, beyond, at)
-        share = courses[cause.course]
-        rest = some - cause.effect.of(share)
-        errors = _slope_error(rest @ cause.sizing, share) * math.sqrt(cause.misfit)
-        shift = cause.source.shifts(cause.effect.sizes, errors, student(0.025, len(some) - 2))[0]
-        kind = "step" if cause.course < len(beginnings) else "ramp"
-        since = names[beginnings[cause.course % len(beginnings)]]
-        found.append((Change(since, kind, chance, shift, cause.rivals), cause.effect))
+        cause = explained(fits, courses, some, weight, shifted, at)
+        share, sizes = courses[cause.course], cause.effect.sizes
+        rest = (some - cause.effect.of(share)) @ cause.sizing
+        wide = cause.misfit * _scatter(rest, share) / float(cause.covariance[0, 0])
+        (shift,) = cause.source.shifts(sizes, *cause.sizes(wide * student(0.025, len(some) - 2) ** 2))
+        kind, *begins = divmod(cause.course, len(beginnings))
+        alike = cause.courses(wide * _BEGINNING) % len(beginnings)
+        since, earliest, latest = (names[beginnings[at]] for at in (*begins, alike.min(), alike.max()))
+        told = Change(since, (earliest, latest), ("step", "ramp")[kind], chance, shift, cause.rivals)
+        found.append((told, cause.effect))
         part = steady([change for change, _ in found], serials)
     return tuple(found)
 
@@ -278,7 +282,7 @@ def _courses(units: int) -> tuple[npt.NDArray[np.intp], Array]:
     return first, np.array([course(kind, at, units, units) for kind in ("step", "ramp") for at in first])
 
 
-def _slope_error(rest: Array, course: Array) -> Array:
-    """Standard errors of the sizes of a course, by what it leaves of the units' sizes, (units, parameters)."""
-    about, left = course - course.mean(), rest - rest.mean(axis=0)
-    return np.asarray(np.sqrt(about**2 @ left**2 * len(rest) / (len(rest) - 2)) / float(about @ about))
+def _scatter(rest: Array, course: Array) -> float:
+    """Variance of what a course leaves of the units' sizes, (units, 1), as the error of its own size weighs units."""
+    about, left = course - course.mean(), rest[:, 0] - rest.mean()
+    return float(about**2 @ left**2) / float(about @ about) * len(rest) / (len(rest) - 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -27,7 +28,7 @@ from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsi
 from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
-from rverror.statics.loaded_state import SOFTENING, reducer_of
+from rverror.statics.loaded_state import SOFTENING, NotConvergedError, reducer_of
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.distribution import OUTSIDE
 
@@ -131,7 +132,7 @@ def lot(
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
         settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
-        before, cleaned = cleaned, _clean(simulator, values, estimate, seed, cleaned, settled=settled, last=last)
+        before, cleaned = cleaned, _clean(matching, values, estimate, seed, cleaned, settled=settled, last=last)
         state, same = estimate.state, cleaned.same == before.same
         if same and settled and (number > 0 or np.array_equal(bounded, values)):
             break
@@ -188,8 +189,37 @@ def _bounded(values: Array, *, marked: bool) -> Array:
     return np.where(power > most, middle + np.sqrt(most / np.maximum(power, most)) * (values - middle), values)
 
 
+@dataclass(frozen=True)
+class _ShiftedUnits:
+    """Units of an estimate, solved with shifts of their parts."""
+
+    matching: MomentMatching
+    estimate: LotEstimate
+    seed: int
+
+    def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
+        """What each shift and its opposite do to the amplitudes, in the mean of so many units, (sources, 2, d)."""
+        simulator, state = self.matching.simulator, self.estimate.state
+        standard = np.random.default_rng(self.seed + 3).standard_normal((units, len(simulator.parts.process)))
+        shifts = np.array([_shift(simulator.parts, one, some) for one, some in zip(sources, sizes, strict=True)])
+        return simulator.shift_effects(state, standard, shifts, self.estimate.influence)
+
+    def covariance(self, source: ShiftSource, sizes: Array) -> Array:
+        """That of the amplitudes of a unit with a shift, (d, d); of one without where hardly any has an equilibrium."""
+        with suppress(NotConvergedError):
+            return self.matching.covariance_with(
+                self.estimate.state, _shift(self.matching.simulator.parts, source, sizes)
+            )
+        return np.asarray(np.linalg.inv(self.estimate.weight))
+
+
+def _shift(parts: UnitParts, source: ShiftSource, sizes: Array) -> Array:
+    """What a shift changes of the errors of all parts, shape (components,)."""
+    return parts.shifted(source.key, source.indices, dict(zip(source.parameters, sizes, strict=True)))
+
+
 def _clean(
-    simulator: Simulator,
+    matching: MomentMatching,
     values: Array,
     estimate: LotEstimate,
     seed: int,
@@ -206,6 +236,7 @@ def _clean(
     it off in the mean alone.  Suspects are left out too, lest gross errors widen a process until they are its members.
     Where units by themselves would be more than a fifth, they are the lot, and none is named.
     """
+    simulator = matching.simulator
     amplitudes, parts, weight = simulator.amplitudes, simulator.parts, estimate.weight
     candidates = candidates_of(estimate.influence, parts) if amplitudes.marked else ()
     places = np.flatnonzero(before.members & ~np.isin(amplitudes.serials, before.suspects))
@@ -214,14 +245,9 @@ def _clean(
     left, alike = values.copy(), np.ones(len(values), np.bool_)
     middle = np.tile(parts.middle, (len(values), 1))  # mean errors of each unit's parts
 
-    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
-        standard = np.random.default_rng(seed + 3).standard_normal((units, len(parts.process)))
-        pairs = zip(sources, sizes, strict=True)
-        shifts = [parts.shifted(one.key, one.indices, dict(zip(one.parameters, s, strict=True))) for one, s in pairs]
-        return simulator.beyond_influences(estimate.state, standard, np.array(shifts))
-
+    shifted = _ShiftedUnits(matching, estimate, seed)
     groups = group_differences(
-        _centred(left[places]), labels, weight, candidates, beyond=beyond, level=LEVEL / 2, seed=seed
+        _centred(left[places]), labels, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     for group, effect in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
@@ -230,7 +256,7 @@ def _clean(
         alike &= ~inside
 
     changed = changes_over_serial(
-        _centred(left[places]), serials, weight, candidates, beyond=beyond, level=LEVEL / 2, seed=seed
+        _centred(left[places]), serials, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     changes = [change for change, _ in changed]
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units

@@ -126,7 +126,8 @@ def outsiders(
             best = fits.best(chi[unit])
             sizing = fits.sizing[best]
             errors = np.sqrt(np.mean((members @ sizing) ** 2, axis=0))  # those that a member's sizes have
-            causes = fits.candidates[best].shifts(values[unit] @ sizing, errors, _NORMAL)
+            sizes = values[unit] @ sizing
+            causes = fits.candidates[best].shifts(sizes, sizes - _NORMAL * errors, sizes + _NORMAL * errors)
             rivals = fits.rivals(chi[unit], best)
             found.append(Outsider(serial, float(chi[unit, best]), chance, causes, rivals))
         elif chance < level:

@@ -294,10 +294,27 @@ class MomentMatching:
         amplitudes = self.simulator.amplitudes
         return amplitudes.over_turns(sample_of(values, marked=amplitudes.marked).covariance)
 
-    def _weight(self, values: Array) -> Array:
-        """Inverse covariance of units drawn for it alone; amplitudes of one order keep theirs, others lose a share."""
+    def covariance_with(self, state: State, shift: Array) -> Array:
+        """Covariance of the amplitudes of one unit, noise included, shape (d, d), where parts are shifted.
+
+        Parameters
+        ----------
+        state : State
+        shift : ndarray, shape (components,)
+            Core units.
+
+        Raises
+        ------
+        NotConvergedError
+            If hardly any unit with it has an equilibrium.
+        """
+        standard = shift / state.deviation[self.simulator.parts.process]
+        return self._covariance_of(self.simulator.values(state, self.fresh + standard))
+
+    def _covariance_of(self, values: Array) -> Array:
+        """Of units drawn for it alone; amplitudes of one order keep their covariances, others lose a share."""
         made, kept = self._made(values), 1 - _SHARE * ~self.simulator.amplitudes.same_order
-        return np.asarray(np.linalg.inv(made * kept + np.eye(len(made))))
+        return np.asarray(made * kept + np.eye(len(made)))
 
     def _weights_at(self, state: State) -> _Weights:
         """Weights that are made with the inverse covariance of the amplitudes of a state's units."""
@@ -308,7 +325,7 @@ class MomentMatching:
             [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
         )
         kinds = np.concatenate([draws.squares, self.simulator.amplitudes.over_turns(means)])
-        return self._weights(draws, self._weight(mine), kinds, units)
+        return self._weights(draws, np.asarray(np.linalg.inv(self._covariance_of(mine))), kinds, units)
 
     def _weights(self, draws: Draws, weight: Array, kinds: Array, units: Array) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance.
@@ -443,7 +460,7 @@ class MomentMatching:
         covariance = self._covariance(slope, weights)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
         influence = np.asarray(np.mean([some.influence for some in fresh], axis=0))
-        weight = self._weight(np.concatenate([some.values for some in fresh]))
+        weight = np.asarray(np.linalg.inv(self._covariance_of(np.concatenate([some.values for some in fresh]))))
         return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
 
 

@@ -155,6 +155,8 @@ class Change:
     ----------
     since : str
         Serial number from which on.
+    since_interval : tuple of str
+        Serial numbers between which it begins, at 95 %.
     course : str
         ``"step"``, or ``"ramp"`` of which the size is that at the last unit.
     chance : float
@@ -164,6 +166,7 @@ class Change:
     """
 
     since: str
+    since_interval: tuple[str, str]
     course: str
     chance: float
     cause: Shift

@@ -5,10 +5,10 @@ Page ``theory/lots.md``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,10 +28,11 @@ _APART = 1e-6  # of two columns' information, in the direction that both leave: 
 _ASYMPTOTIC = 500.0  # chi-square from which on the tail's first term is right to a part in 200; its own underflows
 _VECTOR = 6.6  # chi-square of one parameter that chance exceeds in 1 %: a second parameter has to be worth it
 RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
-_FEW, _MANY = 8, 50  # units in which all candidates are solved, and the likeliest: what they do differs by factors
-_SOLVED = 16  # likeliest candidates
-_ROUNDS, _CHANGED = 3, 0.1  # the last for those whose size has changed by so much since it was solved
+# units in which candidates are solved, and how many of them, the likeliest; the last ones at half their size too, which
+# asks for more units; and anew where the size has changed by so much since
+_SOLVED, _CHANGED = ((8, None), (50, 16), (200, 4), (200, 4)), 0.1
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
+_ORDERS = np.arange(1, 5)  # powers of a share that solved shares tell: its own, half of it, and their opposites
 _TIMES = np.linspace(-2.0, 2.0, 1601)  # of the size at which a source was solved: a lot shows no shift to 1/400
 
 
@@ -69,14 +70,10 @@ class ShiftSource:
         known = {p.name: p.plausible for p in source(self.key).parameters}
         return np.array([known[name] for name in self.parameters])
 
-    def shifts(self, sizes: Array, errors: Array, times: float) -> tuple[Shift, ...]:
-        """A shift for each parameter, with intervals of so many standard errors to either side."""
-        return tuple(
-            Shift(
-                self.key, self.indices, name, self.dimension, Interval(size, size - times * error, size + times * error)
-            )
-            for name, size, error in zip(self.parameters, sizes.tolist(), errors.tolist(), strict=True)
-        )
+    def shifts(self, sizes: Array, low: Array, high: Array) -> tuple[Shift, ...]:
+        """A shift for each parameter, with the ends of its interval."""
+        sized = zip(self.parameters, sizes.tolist(), low.tolist(), high.tolist(), strict=True)
+        return tuple(Shift(self.key, self.indices, name, self.dimension, Interval(*size)) for name, *size in sized)
 
 
 def candidates_of(influence: Array, parts: UnitParts) -> tuple[ShiftSource, ...]:
@@ -154,30 +151,41 @@ def _common(instances: Sequence[Mapping[str, IndexValue]]) -> dict[str, IndexVal
 
 
 class ShiftEffect(NamedTuple):
-    """What a shift does to a unit's whitened amplitudes in the mean: a share s of it s times slope plus s^2 times bend.
+    """What a shift does to a unit's whitened amplitudes in the mean: a share of it does a sum of its powers.
 
     Attributes
     ----------
     sizes : ndarray, shape (parameters,)
         Of the shift, core units.
-    slope, bend : ndarray, shape (d,)
+    powers : ndarray, shape (4, d)
+        Changes with the first power of a share and the next ones.
     """
 
     sizes: Array
-    slope: Array
-    bend: Array
+    powers: Array
+
+    @classmethod
+    def of_first_order(cls, source: ShiftSource, sizes: Array) -> ShiftEffect:
+        """That of a shift by influences alone."""
+        return cls(sizes, (_ORDERS[:, None] == 1) * (source.columns @ sizes))
 
     def of(self, share: Array) -> Array:
         """What shares of it do, shape (n,) to (n, d)."""
-        return np.outer(share, self.slope) + np.outer(share**2, self.bend)
+        return np.asarray(share[:, None] ** _ORDERS @ self.powers)
 
     def times(self, factor: float) -> ShiftEffect:
         """That of a shift so many times as large."""
-        return ShiftEffect(factor * self.sizes, factor * self.slope, factor**2 * self.bend)
+        return ShiftEffect(factor * self.sizes, (factor**_ORDERS)[:, None] * self.powers)
 
 
-#: Of sources and their sizes, what each and its opposite do beyond influences in so many units, shape (sources, 2, d)
-Beyond = Callable[[Sequence[ShiftSource], Sequence[Array], int], Array]
+class ShiftedUnits(Protocol):
+    """Units solved with shifts of their parts."""
+
+    def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
+        """What each shift and its opposite do to the amplitudes, in the mean of so many units, (sources, 2, d)."""
+
+    def covariance(self, source: ShiftSource, sizes: Array) -> Array:
+        """Covariance of the amplitudes of a unit with a shift, shape (d, d)."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +201,7 @@ class Fits:
     basis : ndarray, shape (d, sum of freedom)
         Amplitudes times it are independent and of unit variance, as many of them for a candidate as it has parameters.
     sizing : tuple of ndarray, shape (d, parameters)
-        Amplitudes times it are the candidate's sizes.
+        Amplitudes of a unit times it are the candidate's sizes.
     """
 
     candidates: tuple[ShiftSource, ...]
@@ -269,7 +277,7 @@ class Fits:
         return a.key == b.key and a.indices == b.indices
 
 
-def misfit(left: Array, weight: Array, freedom: int) -> float:
+def misfit(left: Array, freedom: int) -> float:
     """Chi-square of what a cause leaves of a contrast of units, over its degrees of freedom; 1 where it is less.
 
     What is known of a shift is not all that it does, and what is lacking must not decide between parts.
@@ -277,8 +285,7 @@ def misfit(left: Array, weight: Array, freedom: int) -> float:
     Parameters
     ----------
     left : ndarray, shape (d,)
-        Of a sum of units' whitened amplitudes that has unit variance.
-    weight : ndarray, shape (d, d)
+        Independent, of unit variance.
     freedom : int
         Of the cause.
 
@@ -286,7 +293,7 @@ def misfit(left: Array, weight: Array, freedom: int) -> float:
     -------
     float
     """
-    return max(1.0, float(left @ weight @ left) / max(len(left) - freedom, 1))
+    return max(1.0, float(left @ left) / max(len(left) - freedom, 1))
 
 
 def surprise(chi: Array, freedom: float) -> Array:
@@ -319,8 +326,20 @@ class Cause(NamedTuple):
     effect: ShiftEffect
     course: int  # its number
     sizing: Array  # (d, parameters): small changes of amplitudes times it are those of the sizes
+    covariance: Array  # (parameters, parameters): of the sizes of one unit, were units as their covariance says
     misfit: float
     rivals: tuple[str, ...]
+    deviance: Array  # (courses, times): of each course and multiple of the effect, were units as their covariance says
+
+    def courses(self, most: float) -> npt.NDArray[np.intp]:
+        """Numbers of the courses whose deviance is no larger, each with the size that suits it."""
+        return np.flatnonzero(self.deviance.min(axis=1) <= most)
+
+    def sizes(self, most: float) -> tuple[Array, Array]:
+        """Least and largest sizes whose deviance is no larger, each with the course that suits it, (parameters,)."""
+        times = _TIMES[self.deviance.min(axis=0) <= most]
+        ends = np.outer([times[0], times[-1]], self.effect.sizes)
+        return ends.min(axis=0), ends.max(axis=0)
 
 
 class _Ranking(NamedTuple):
@@ -341,8 +360,8 @@ class _Courses:
     fits : Fits
     weight : ndarray, shape (d, d)
     values : ndarray, shape (units, d)
-    shares : ndarray, shape (2, courses, units)
-        Share of each unit, and its square, about their means.
+    shares : ndarray, shape (4, courses, units)
+        Powers of each unit's share, about their means.
     """
 
     fits: Fits
@@ -350,20 +369,19 @@ class _Courses:
     values: Array
     shares: Array
 
-    def scaled(self, effect: ShiftEffect) -> tuple[Array, Array]:
-        """Chi-squares of an effect times the factor that suits each course best, and these factors, (courses,) each."""
-        of = np.stack([effect.slope, effect.bend])
-        along = np.einsum("pcu,up->pc", self.shares, self.values @ self.weight @ of.T)
-        own = np.einsum("pcu,qcu->pqc", self.shares, self.shares) * (of @ self.weight @ of.T)[:, :, None]
-        powers = np.stack([_TIMES, _TIMES**2])
-        chi = 2 * np.einsum("pc,pt->ct", along, powers) - np.einsum("pqc,pt,qt->ct", own, powers, powers)
-        best = chi.argmax(axis=1)
-        return np.take_along_axis(chi, best[:, None], axis=1)[:, 0], _TIMES[best]
+    def chi_squares(self, effect: ShiftEffect) -> Array:
+        """Of multiples of an effect with each course, shape (courses, times)."""
+        pressed, powers = self.weight @ effect.powers.T, _TIMES ** _ORDERS[:, None]
+        along = np.einsum("pcu,up->cp", self.shares, self.values @ pressed)
+        own = np.einsum("pcu,qcu->cpq", self.shares, self.shares) * (effect.powers @ pressed)
+        return np.asarray(2 * along @ powers - np.einsum("cpt,pt->ct", own @ powers, powers))
 
-    def bent(self, course: int) -> float:
-        """Mean square of a course over its mean share, as the contrast of the units weighs them."""
-        share, square = self.shares[:, course]
-        return float(share @ square) / float(share @ share)
+    def scattered(self, course: int, shifted: Array) -> _Courses:
+        """The same by the covariance that the contrast of a course has: its units', between those with and without."""
+        share = self.shares[0, course]
+        part = float(share**2 @ (share - share.min())) / float(share @ share) / float(np.ptp(share))
+        covariance = (1 - part) * np.linalg.inv(self.weight) + part * shifted
+        return replace(self, weight=np.asarray(np.linalg.inv(covariance)))
 
     def ranked(self, course: int, solved: Mapping[int, ShiftEffect]) -> _Ranking:
         """Candidates with one course, to first order where they were not solved."""
@@ -373,24 +391,25 @@ class _Courses:
         chi = fits.chi_squares(contrast @ fits.basis)
         linear = [contrast @ sizing / size for sizing in fits.sizing]
         pairs = zip(linear, fits.candidates, strict=True)
-        effects = [ShiftEffect(sizes, one.columns @ sizes, np.zeros(len(contrast))) for sizes, one in pairs]
+        effects = [ShiftEffect.of_first_order(one, sizes) for sizes, one in pairs]
         only = replace(self, shares=self.shares[:, [course]])
         for number, effect in solved.items():
-            (chi[number],), (factor,) = only.scaled(effect)
-            effects[number] = effect.times(factor)
+            of_times = only.chi_squares(effect)[0]
+            chi[number], effects[number] = of_times.max(), effect.times(_TIMES[of_times.argmax()])
         sizes = [one.sizes for one in effects]
         first = fits.best(fits.likely(chi, sizes))
-        left = contrast - size * (effects[first].slope + self.bent(course) * effects[first].bend)
-        beyond = misfit(left, self.weight, int(fits.freedom[first]))
+        left = contrast - self.shares[:, course] @ share / size @ effects[first].powers
+        beyond = misfit(left @ np.linalg.cholesky(self.weight), int(fits.freedom[first]))
         likely = fits.likely(chi, sizes, beyond)
         return _Ranking(effects, likely, fits.best(likely, beyond), beyond)
 
 
-def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: Beyond, at: int = 0) -> Cause:
+def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: ShiftedUnits, at: int = 0) -> Cause:
     """The candidate that makes a difference of units, and its course.
 
     Influences find a shift, but where it opens or closes contacts they tell neither its part nor its size nor its
-    beginning.  So all candidates are solved with it in few units, and the likeliest in more.
+    beginning.  So all candidates are solved with it in few units, and the likeliest in more; and the likeliest of these
+    in many, as a shift changes the units' scatter too.
 
     Parameters
     ----------
@@ -401,7 +420,7 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: 
         Whitened amplitudes.
     weight : ndarray, shape (d, d)
         Inverse covariance of a unit's amplitudes.
-    beyond : callable
+    units : ShiftedUnits
     at : int
         The course that was found.
 
@@ -409,34 +428,50 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, beyond: 
     -------
     Cause
     """
-    shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in (1, 2)])
-    of, solved = _Courses(fits, weight, values, shares), dict[int, ShiftEffect]()
-    found, asked, units = of.ranked(at, solved), list(range(len(fits.candidates))), _FEW
-    for _ in range(_ROUNDS):
+    shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in _ORDERS])
+    of, solved, before = _Courses(fits, weight, values, shares), dict[int, ShiftEffect](), 0
+    unshifted, found = of, of.ranked(at, solved)
+    for count, most in _SOLVED:
+        likeliest = np.argsort(-found.likely)[:most].tolist()
+        asked = [n for n in likeliest if count > before or _far(found.effects[n].sizes, solved[n].sizes)]
+        if not asked:
+            break
         some = [fits.candidates[n] for n in asked]
-        pairs = zip(asked, some, strict=True)
-        sizes = [_within(found.effects[n].sizes, _LARGEST * one.plausible) for n, one in pairs]
-        opposites = beyond(some, sizes, units) if some else ()
-        for n, one, size, (more, less) in zip(asked, some, sizes, opposites, strict=True):
-            solved[n] = ShiftEffect(size, one.columns @ size + (more - less) / 2, (more + less) / 2)
-        found = of.ranked(at, solved)
-        for _ in range(2):  # what is best with one course may have another, and with that not be best
-            at = int(np.argmax(of.scaled(found.effects[found.best])[0]))
+        sizes = [_bounded(found.effects[n].sizes, fits.candidates[n]) for n in asked]
+        solved.update(zip(asked, _solved(some, sizes, units, count, halves=count == _SOLVED[-1][0]), strict=True))
+        found, before = of.ranked(at, solved), count
+        if most is not None:
+            one = fits.candidates[found.best]
+            shifted = units.covariance(one, _bounded(found.effects[found.best].sizes, one))
+            of = unshifted.scattered(at, shifted)
             found = of.ranked(at, solved)
-        likeliest = np.argsort(-found.likely)[:_SOLVED].tolist()
-        asked = [n for n in likeliest if units == _FEW or _far(found.effects[n].sizes, solved[n].sizes)]
-        units = _MANY
+        for _ in range(2):  # what is best with one course may have another, and with that not be best
+            at = int(np.argmax(of.chi_squares(found.effects[found.best]).max(axis=1)))
+            found = of.ranked(at, solved)
     one, effect = fits.candidates[found.best], found.effects[found.best]
-    slope = effect.slope + 2 * of.bent(at) * effect.bend
+    slope = (2 - _ORDERS % 2) @ effect.powers  # of a line and a square: with higher powers it has their noise thrice
     columns = one.columns + np.outer(slope - one.columns @ effect.sizes, effect.sizes) / (effect.sizes @ effect.sizes)
-    pressed = weight @ columns
-    sizing = np.asarray(np.linalg.solve(columns.T @ pressed, pressed.T).T)
-    return Cause(one, effect, at, sizing, found.misfit, fits.rivals(found.likely, found.best, found.misfit))
+    covariance = np.asarray(np.linalg.inv(columns.T @ of.weight @ columns))
+    sizing = of.weight @ columns @ covariance
+    deviance = -of.chi_squares(effect)
+    rivals = fits.rivals(found.likely, found.best, found.misfit)
+    return Cause(one, effect, at, sizing, covariance, found.misfit, rivals, deviance - deviance.min())
 
 
-def _within(sizes: Array, most: Array) -> Array:
+def _solved(
+    some: Sequence[ShiftSource], sizes: Sequence[Array], units: ShiftedUnits, count: int, *, halves: bool
+) -> list[ShiftEffect]:
+    """Effects of sources, solved with their sizes and the opposites in so many units, and with halves of both."""
+    whole, *half = (units.effects(some, [times * one for one in sizes], count) for times in (1.0, 0.5)[: 1 + halves])
+    odd, even = ([(one[:, 0] + sign * one[:, 1]) / 2 for one in (whole, *half)] for sign in (-1, 1))
+    third, fourth = (4 / 3 * (of[0] - times * of[-1]) * halves for of, times in ((odd, 2), (even, 4)))
+    powers = np.stack([odd[0] - third, even[0] - fourth, third, fourth], axis=1)
+    return [ShiftEffect(size, of) for size, of in zip(sizes, powers, strict=True)]
+
+
+def _bounded(sizes: Array, one: ShiftSource) -> Array:
     """Sizes in the same direction, none beyond its bound."""
-    return np.asarray(sizes / max(1.0, float(np.max(np.abs(sizes) / most))))
+    return np.asarray(sizes / max(1.0, float(np.max(np.abs(sizes) / one.plausible)) / _LARGEST))
 
 
 def _far(sizes: Array, solved: Array) -> bool:

@@ -21,6 +21,7 @@ from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
 COMPLIANCES = 6
+_SOLVED = 0.1  # of drawn units, that say what the others are; a covariance of two or three would say nothing
 _ANGLES = 512  # of a turn at most; orders above 312, which fold onto those up to 200, are below the noise
 
 
@@ -138,9 +139,18 @@ class Simulator:
         ]
 
     def waveforms(self, state: State, standard: Array) -> Array:
-        """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n)."""
+        """Errors over a turn of units that have an equilibrium, rad, shape (units, conditions, n).
+
+        Raises
+        ------
+        NotConvergedError
+            If hardly any has one.
+        """
         turns = self._loaded(state.compliance)
-        return np.array(each_solved(lambda errors: self._waves(turns, [errors]), list(self.errors(state, standard))))
+        found = each_solved(lambda errors: self._waves(turns, [errors]), list(self.errors(state, standard)))
+        if len(found) < _SOLVED * len(standard):
+            raise NotConvergedError(f"{len(found)} of {len(standard)} drawn units have an equilibrium; check the model")
+        return np.array(found)
 
     def values(self, state: State, standard: Array) -> Array:
         """Whitened amplitudes of units, of those that have an equilibrium, shape (units, d)."""
@@ -195,8 +205,11 @@ class Simulator:
         values = self.amplitudes.of_waves(waves).reshape(len(waves), -1, 3, len(self.scale)) * self.scale
         return np.moveaxis(values, 0, 2)
 
-    def beyond_influences(self, state: State, standard: Array, shifts: Array) -> Array:
-        """What shifts of the parts change of units' whitened amplitudes beyond influences, in the mean of the units.
+    def shift_effects(self, state: State, standard: Array, shifts: Array, influence: Array) -> Array:
+        """What shifts of the parts and their opposites change of units' whitened amplitudes, in the mean.
+
+        As far as a unit's own influences tell its change, the mean is that of as many units as the mean influences are
+        of (a control variate): of small shifts it is as exact as these, where contacts open they are no help.
 
         Parameters
         ----------
@@ -204,28 +217,36 @@ class Simulator:
         standard : ndarray, shape (units, components)
         shifts : ndarray, shape (shifts, components)
             Core units.
+        influence : ndarray, shape (d, components)
+            Mean change per core unit of each component, of many units.
 
         Returns
         -------
         ndarray, shape (shifts, 2, d)
-            Of each shift, and of its opposite, in units that have an equilibrium with it; nothing where none has.
+            Of units that have an equilibrium with the shift; as influences say where none has.
         """
         turns, both = self._loaded(state.compliance), np.stack([shifts, -shifts], axis=1)
+        expected = both @ influence.T
 
         def solve(row: Array) -> Array:
             errors = self.errors(state, row)
-            values, influence, _ = self._solved(turns, errors)
-            found = np.full((both.shape[0] * 2, len(values)), np.nan)
-            for row_of, shift in zip(found, both.reshape(-1, errors.size), strict=True):
-                moved = np.maximum(errors + shift, self.parts.least)
+            values, own, _ = self._solved(turns, errors)
+            found = np.full((2, *expected.shape), np.nan)
+            for at in np.ndindex(both.shape[:2]):
                 with suppress(NotConvergedError):
-                    changed = self.amplitudes.of_waves(self._waves(turns, [moved])).ravel() * self.scale - values
-                    row_of[:] = changed - (moved - errors) @ influence
+                    moved = np.maximum(errors + both[at], self.parts.least)
+                    found[0][at] = self.amplitudes.of_waves(self._waves(turns, [moved])).ravel() * self.scale - values
+                    found[1][at] = (moved - errors) @ own
             return found
 
-        found = np.array(each_solved(solve, list(standard)))
-        counts = np.maximum(np.isfinite(found).sum(axis=0), 1)
-        return np.asarray((np.nan_to_num(found).sum(axis=0) / counts).reshape(*both.shape[:2], -1))
+        changes, linear = np.moveaxis(np.array(each_solved(solve, list(standard))), 1, 0)
+        known = np.isfinite(changes)
+        counts = np.maximum(known.sum(axis=0), 1)
+        changes, linear = (np.where(known, some - expected, 0.0) for some in (changes, linear))
+        means = changes.sum(axis=0) / counts, linear.sum(axis=0) / counts
+        changes, linear = ((some - mean) * known for some, mean in zip((changes, linear), means, strict=True))
+        alike = np.sum(changes * linear, axis=(0, -1)) / np.maximum(np.sum(linear**2, axis=(0, -1)), 1e-300)
+        return np.asarray(expected + means[0] - alike[..., None] * means[1])
 
     @staticmethod
     def _waves(turns: Sequence[LoadedTurn], units: Iterable[Array]) -> Array:

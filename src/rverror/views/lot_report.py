@@ -47,6 +47,11 @@ def lot_table(result: Lot) -> Table:
     """Processes, what differs and what the lot makes, as variables."""
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
+    ends: dict[str, Field] = {
+        "earliest": lambda row: row[0].since_interval[0],
+        "latest": lambda row: row[0].since_interval[1],
+    }
+    since: dict[str, Field] = {"since": "0.since", **ends, "course": "0.course"}
     variables = {
         **rows(
             "process",
@@ -69,7 +74,7 @@ def lot_table(result: Lot) -> Table:
         **_shifts("shift", [(None, one) for one in result.shifts]),
         **_shifts("outlier", _with_causes(result.outsiders), unit="0.serial", **chance),
         **_shifts("group", _with_causes(result.differences), **of_group),
-        **_shifts("change", [(one, one.cause) for one in result.changes], since="0.since", course="0.course", **chance),
+        **_shifts("change", [(one, one.cause) for one in result.changes], **since, **chance),
         **rows("stiffness", result.stiffness.items(), "stiffness_", name="0", **sized("ratio", NUMBER, "1")),
         **rows(
             "condition",
@@ -144,7 +149,10 @@ def _lot_content(result: Lot) -> dict[str, Any]:
             for row in _with_causes(result.differences)
         ],
         "changes": [
-            _difference((one, one.cause), since="0.since", course="0.course", **named) for one in result.changes
+            _difference(
+                (one, one.cause), since="0.since", since_interval="0.since_interval", course="0.course", **named
+            )
+            for one in result.changes
         ],
         "predicted": None if worst is None else predicted[worst],
         "predicted_by_condition": predicted,
