@@ -198,6 +198,24 @@ def test_a_large_drift_of_units_solved_exactly_is_told_with_its_beginning(torque
     assert abs(int(found.since) - first) <= 10
 
 
+def test_the_covariance_with_a_shift_is_that_of_the_shifted_units(question: Question) -> None:
+    """Noise included, and of one order to the letter: each unit by its own equilibrium."""
+    simulator, state = question.simulator, State(np.full(len(question.simulator.parts.processes), 1e-3))
+    rng, count = np.random.default_rng(4), len(simulator.parts.process)
+    standard, others, fresh = (rng.standard_normal((n, count)) for n in (30, 30, 40))
+    sample = sample_of(simulator.values(state, standard))
+    matching = MomentMatching(simulator, sample, standard, others, fresh, question.least, print)
+    shift = simulator.parts.shifted("cycloid.disc_pitch", {"disc": 1, "harmonic": 1}, {"sin": 8e-3})
+    rows, soft = simulator.errors(state, fresh), np.zeros(len(SOFTENING))
+    expected = np.cov([simulator.linearised(row + shift, soft)[0] for row in rows], rowvar=False)
+    found = matching.covariance_with(state, shift) - np.eye(len(expected))
+    same = simulator.amplitudes.same_order
+    np.testing.assert_allclose(found[same], expected[same], atol=1e-6 * expected.max())
+    assert (
+        np.abs(matching.covariance_with(state, -shift) - np.eye(len(expected)) - expected).max() > 0.01 * expected.max()
+    )
+
+
 def test_how_well_a_process_is_known_to_vanish_is_no_matter_of_what_is_drawn_in_its_place(question: Question) -> None:
     """None has no slope and is drawn as small: half as large, its interval ends no nearer to none."""
     made = [{PINS: 2.5e-3, "crank.eccentricity": 1e-3}.get(p.key, 0.0) for p in question.simulator.parts.processes]

@@ -74,8 +74,8 @@ def _angles(count: int) -> dict[str, Any]:
     options={
         **_OF_FRICTION,
         "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
-        "--drives": choice(_SIDES, "both", "side from which the power comes (default both)"),
-        "--direction": choice(WAYS, "forward", "of motion (default forward)"),
+        "--drives": choice(_SIDES, "both", "driving side (default both; of --phase: input)"),
+        "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
         **PHASES,
         **{
             f"--{name.replace('_', '-')}": option(f'"{example}"', f"with --phase: {what}", size=dimension)

@@ -58,7 +58,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
     Compares measured runs with a model and names the errors of parts and bench that the model lacks: their sizes with
-    95 % intervals, the causes that the runs cannot rule out in their place, and the error before and after.
+    95 % intervals, the causes that the runs cannot rule out in their place, and what is left of the error.
     """
     model = load_model(options.model)
     runs, unseen = read_runs(options, model)
@@ -92,7 +92,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         **output("FOLDER", "folder for UNIT.json of each unit and summary.csv", writes=False, required=True),
         "--model": option("MODEL.toml", "model of every unit that has no model.toml of its own"),
         **MAPPING,
-        "--pages --html": flag("also write UNIT.html of each, and summary.html with links, undiagnosed ones first"),
+        "--pages --html": flag("also write UNIT.html of each, and summary.html with links, failed ones first"),
         "--jobs": number("processes (default: one for each core)", least=1),
     },
 )

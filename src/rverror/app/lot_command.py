@@ -48,12 +48,12 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
     options={
         "parts": option(
             "FOLDER",
-            "folder in which each subfolder with runs is a unit (units.csv, if there is one, gives order and labels), "
+            "folder in which each subfolder with runs is a unit (units.csv, if any, gives build sequence and labels), "
             "or a file that --compress wrote; all are one lot",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option("TOL.toml", "drawing tolerances: estimate these alone, with Cp, Cpk", reads=True),
+        "--tolerances": option("TOL.toml", "the drawing's tolerances: only their processes, with Cp, Cpk", reads=True),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",

@@ -51,7 +51,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--method": choice(
             ("closed", "equilibrium"), "closed", "closed form (default), or equilibrium under load: contacts may open"
         ),
-        "--direction": choice(WAYS, "forward", "of motion (default forward)"),
+        "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
         "--noise": option('"0.3 arcsec"', "rms of the noise on the transmission error"),
         "--noise-correlation": option(
             '"2 deg"', "output angle over which the noise is correlated (default: white)", dest="correlation"
@@ -118,8 +118,8 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 
-    Lists all error sources that rverror knows: key, parameters, the part that each turns with ("fixed in"), and the
-    orders that it makes.
+    Lists all error sources that rverror knows: key, parameters, the part that it turns with ("fixed in"), and its
+    RV-40E leading order.
     """
     rows = [_source_json(entry) for entry in CATALOGUE.values()]
     if options.json:

@@ -145,7 +145,9 @@ WIDTHS: Mapping[str, Option] = {
     "--gear-width": option('"8 mm"', "common face width of sun and planet gear", size="length", required=True),
 }
 WAYS: Mapping[str, tuple[float, ...]] = {"forward": (1.0,), "reverse": (-1.0,), "both": (1.0, -1.0)}
-WAY: Mapping[str, Option] = {"--direction": choice(("forward", "reverse"), "forward", "of motion (default forward)")}
+WAY: Mapping[str, Option] = {
+    "--direction": choice(("forward", "reverse"), "forward", "direction of motion (default forward)")
+}
 
 
 @dataclass(frozen=True)
@@ -363,7 +365,7 @@ def arm(text: str) -> GravityArm:
 PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
-        "one phase of a duty cycle, in place of --torque: output torque, input speed, hours; repeat it for each phase",
+        "a phase of a duty cycle, in place of torque and speed: output torque, input speed, time; repeat for each one",
         action="append",
     )
 }

@@ -46,7 +46,7 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = f"output torques to compute the error at (default under load: rated torque and 20 N*m){beside}"
+    torques = f"output torques of units under load (if not given: rated torque and 20 N*m){beside}"
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -130,7 +130,7 @@ def _budget(options: argparse.Namespace) -> None:
 @command(
     example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
     options={
-        **_inputs(plot="least cost against the limit; with --kind load the cost of each tolerance"),
+        **_inputs(plot="cost of each tolerance; in closed form, least cost against the limit"),
         **_LIMITS,
         "--kind": choice(
             ("load", "yield", "worst"),

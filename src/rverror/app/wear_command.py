@@ -41,22 +41,22 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient of {', '.join(BODIES)} alike or of one, 'pin=2e-10 mm^3/(N*m)'; or the "
-            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per load and crank turn (default none), "
+            f"Archard's wear coefficient of {', '.join(BODIES)} alike, or one: 'pin=2e-10 mm^3/(N*m)'; or the "
+            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per load and crank turn (default 0): "
             "'spline=1e-8 um/kN'. Repeat it for more",
             action="append",
             required=True,
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
-            "running in: depth of roughness that wears off, then extra wear coefficient when new; of all bodies or "
+            "running in: depth of roughness that wears off, and extra wear coefficient till then; of all bodies or "
             "of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],
         ),
         **WIDTHS,
         "--pins": choice(PINS, PINS[0], f"whether pins turn in the housing (default {PINS[0]})"),
-        "--direction": choice(("both", *DIRECTIONS), "both", "of motion (default both)"),
+        "--direction": choice(("both", *DIRECTIONS), "both", "direction of motion (default both)"),
         **results(plot="error and lost motion over the hours"),
         **save("NEW.toml", "write the model of the worn unit"),
     },

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from rverror.base.arrays import Array
 from rverror.base.chance import student
@@ -26,7 +27,7 @@ _TAIL = 0.2  # of what chance makes, to which its tail is fitted
 _DIFFERENCES, _CHANGES = 4, 3  # at most: beyond these a lot is no lot
 _EDGE, _POSITIONS = 0.05, 60  # of the units at either end, where a mean is that of few; and positions between
 # deviance that the true beginning of a step exceeds in 5 %: (1 - exp(-x / 2))^2 is its distribution (Hansen 2000); that
-# of a ramp, a chi-square, in 1 %
+# of a ramp, a chi-square, in 0.7 %
 _BEGINNING = -2 * math.log(1 - math.sqrt(0.95))
 
 
@@ -219,12 +220,17 @@ def changes_over_serial(
             break
         cause = explained(fits, courses, some, weight, shifted, at)
         share, sizes = courses[cause.course], cause.effect.sizes
-        rest = (some - cause.effect.of(share)) @ cause.sizing
-        wide = cause.misfit * _scatter(rest, share) / float(cause.covariance[0, 0])
-        (shift,) = cause.source.shifts(sizes, *cause.sizes(wide * student(0.025, len(some) - 2) ** 2))
-        kind, *begins = divmod(cause.course, len(beginnings))
-        alike = cause.courses(wide * _BEGINNING) % len(beginnings)
-        since, earliest, latest = (names[beginnings[at]] for at in (*begins, alike.min(), alike.max()))
+        rest = ((some - cause.effect.of(share)) @ cause.sizing)[:, 0]
+        wide, wider = (max(cause.misfit, one / float(cause.covariance[0, 0])) for one in _scatter(rest, share))
+        kinds, begins = np.divmod(cause.courses(wider * _BEGINNING), len(beginnings))
+        freedom = len(np.unique(kinds))  # a ramp that may be a step has two sizes
+        most = wide * freedom * float(scipy.special.fdtri(freedom, len(some) - 2, 0.95))
+        (shift,) = cause.source.shifts(sizes, *cause.sizes(most))
+        tried = np.r_[-1, beginnings, len(some)]  # those between two are neither
+        kind, first = divmod(cause.course, len(beginnings))
+        since, earliest, latest = (
+            names[at] for at in (tried[first + 1], tried[begins.min()] + 1, tried[begins.max() + 2] - 1)
+        )
         told = Change(since, (earliest, latest), ("step", "ramp")[kind], chance, shift, cause.rivals)
         found.append((told, cause.effect))
         part = steady([change for change, _ in found], serials)
@@ -282,7 +288,12 @@ def _courses(units: int) -> tuple[npt.NDArray[np.intp], Array]:
     return first, np.array([course(kind, at, units, units) for kind in ("step", "ramp") for at in first])
 
 
-def _scatter(rest: Array, course: Array) -> float:
-    """Variance of what a course leaves of the units' sizes, (units, 1), as the error of its own size weighs units."""
-    about, left = course - course.mean(), rest[:, 0] - rest.mean()
-    return float(about**2 @ left**2) / float(about @ about) * len(rest) / (len(rest) - 2)
+def _scatter(rest: Array, course: Array) -> tuple[float, float]:
+    """Variance of what a course leaves of the units' sizes: as its own size weighs units, and the largest of that and
+    those on either side of its middle."""
+    about, left = course - course.mean(), rest - rest.mean()
+    size = float(about @ about)
+    taken = 1 / len(rest) + about**2 / size  # of each unit's variance, by the fit (MacKinnon, White 1985: HC2)
+    own = float(about**2 @ (left**2 / (1 - taken))) / size
+    sides = (rest[about > 0], rest[about <= 0])
+    return own, max(own, *(float(side.var(ddof=1)) for side in sides if len(side) > 1))

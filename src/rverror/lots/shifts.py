@@ -33,7 +33,7 @@ RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
 _SOLVED, _CHANGED = ((8, None), (50, 16), (200, 4), (200, 4)), 0.1
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
 _ORDERS = np.arange(1, 5)  # powers of a share that solved shares tell: its own, half of it, and their opposites
-_TIMES = np.linspace(-2.0, 2.0, 1601)  # of the size at which a source was solved: a lot shows no shift to 1/400
+_TIMES = np.linspace(-3.0, 3.0, 2401)  # of the size at which a source was solved: a lot shows no shift to 1/400
 
 
 @dataclass(frozen=True)
@@ -429,17 +429,19 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
     Cause
     """
     shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in _ORDERS])
-    of, solved, before = _Courses(fits, weight, values, shares), dict[int, ShiftEffect](), 0
+    of, solved, counts = _Courses(fits, weight, values, shares), dict[int, ShiftEffect](), dict[int, int]()
     unshifted, found = of, of.ranked(at, solved)
     for count, most in _SOLVED:
-        likeliest = np.argsort(-found.likely)[:most].tolist()
-        asked = [n for n in likeliest if count > before or _far(found.effects[n].sizes, solved[n].sizes)]
+        likeliest = list(dict.fromkeys([found.best, *np.argsort(-found.likely).tolist()]))[:most]
+        few = [n for n in likeliest if counts.get(n, 0) < count]
+        asked = [n for n in likeliest if n in few or _far(found.effects[n].sizes, solved[n].sizes)]
         if not asked:
             break
         some = [fits.candidates[n] for n in asked]
         sizes = [_bounded(found.effects[n].sizes, fits.candidates[n]) for n in asked]
         solved.update(zip(asked, _solved(some, sizes, units, count, halves=count == _SOLVED[-1][0]), strict=True))
-        found, before = of.ranked(at, solved), count
+        counts |= dict.fromkeys(asked, count)
+        found = of.ranked(at, solved)
         if most is not None:
             one = fits.candidates[found.best]
             shifted = units.covariance(one, _bounded(found.effects[found.best].sizes, one))
