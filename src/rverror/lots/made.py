@@ -205,11 +205,10 @@ class _ShiftedUnits:
         return simulator.shift_effects(state, standard, shifts, self.estimate.influence)
 
     def covariance(self, source: ShiftSource, sizes: Array) -> Array:
-        """That of the amplitudes of a unit with a shift, (d, d); of one without where hardly any has an equilibrium."""
+        """That of the amplitudes of a unit with a shift, (d, d); of one without where none has an equilibrium."""
         with suppress(NotConvergedError):
-            return self.matching.covariance_with(
-                self.estimate.state, _shift(self.matching.simulator.parts, source, sizes)
-            )
+            parts = self.matching.simulator.parts
+            return self.matching.covariance_with(self.estimate.state, _shift(parts, source, sizes))
         return np.asarray(np.linalg.inv(self.estimate.weight))
 
 

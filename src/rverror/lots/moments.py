@@ -306,7 +306,7 @@ class MomentMatching:
         Raises
         ------
         NotConvergedError
-            If hardly any unit with it has an equilibrium.
+            If no unit with it has an equilibrium.
         """
         standard = shift / state.deviation[self.simulator.parts.process]
         return self._covariance_of(self.simulator.values(state, self.fresh + standard))

@@ -21,7 +21,6 @@ from rverror.tolerances.loaded_units import LoadedTurn
 
 #: Stiffnesses that a lot's units share and the model states wrongly: those of `SOFTENING`.
 COMPLIANCES = 6
-_SOLVED = 0.1  # of drawn units, that say what the others are; a covariance of two or three would say nothing
 _ANGLES = 512  # of a turn at most; orders above 312, which fold onto those up to 200, are below the noise
 
 
@@ -144,11 +143,11 @@ class Simulator:
         Raises
         ------
         NotConvergedError
-            If hardly any has one.
+            If none has one, or one alone, of which there is no covariance.
         """
         turns = self._loaded(state.compliance)
         found = each_solved(lambda errors: self._waves(turns, [errors]), list(self.errors(state, standard)))
-        if len(found) < _SOLVED * len(standard):
+        if len(found) < 2:
             raise NotConvergedError(f"{len(found)} of {len(standard)} drawn units have an equilibrium; check the model")
         return np.array(found)
 
