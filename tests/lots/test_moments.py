@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pytest
@@ -239,6 +240,22 @@ def test_a_fit_that_begins_with_the_wrong_process_does_not_end_there() -> None:
     found = estimated(question, true, seed=1, drawn=160, fresh=400, start=start)
     assert not found.poor
     assert found.state.deviation[key.index("cycloid.disc_pitch")] < 2e-3
+
+
+def test_an_interval_holds_what_a_state_as_likely_has(question: Question) -> None:
+    """Of two states one without the pins, the other without the disc's pitch, either may be none."""
+    key = [p.key for p in question.simulator.parts.processes]
+    pins, pitch = key.index(PINS), key.index("cycloid.disc_pitch")
+    known, none = np.eye(len(key) + COMPLIANCES) * 1e-14, np.full(len(key), 1e-9)
+    blank: Any = dict.fromkeys(("draws", "influence", "weight"))  # no interval asks for these
+    one, other = (
+        LotEstimate(State(np.where(np.arange(len(key)) == at, size, none)), known, 1.0, 1, **blank)
+        for at, size in ((pins, 2e-3), (pitch, 1e-3))
+    )
+    assert one.interval(pins)[0] > 1.8e-3
+    both = replace(one, others=(other,))
+    assert both.interval(pins) == (0.0, one.interval(pins)[1])
+    assert both.interval(pitch) == (0.0, other.interval(pitch)[1])
 
 
 def test_no_variance_is_known_worse_than_by_its_prior(question: Question) -> None:

@@ -21,7 +21,7 @@ from rverror.lots.amplitudes import Amplitudes, LotUnit, amplitudes_of, variance
 from rverror.lots.differences import changes_over_serial, course, group_differences, steady
 from rverror.lots.identifiable import Question, question_of
 from rverror.lots.members import outsiders
-from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, interval, sample_of
+from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, sample_of
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import Process, UnitParts, processes_of
 from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
@@ -127,16 +127,18 @@ def lot(
     values = simulator.amplitudes.values * simulator.scale
     everyone = np.ones(len(values), np.bool_)
     bounded = _bounded(values, marked=amplitudes.marked)
-    cleaned, state = _Cleaned(bounded, everyone, everyone), question.start
+    cleaned, state, others = _Cleaned(bounded, everyone, everyone), question.start, tuple[LotEstimate, ...]()
     for number in range(_ESTIMATES):
         matching = _matching(simulator, question, cleaned, seed, tell)
         estimate = matching.estimate(state, again=number > 0)
+        others = estimate.others or others  # a fit that begins near asks for no others
         settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
         before, cleaned = cleaned, _clean(matching, values, estimate, seed, cleaned, settled=settled, last=last)
         state, same = estimate.state, cleaned.same == before.same
         if same and settled and (number > 0 or np.array_equal(bounded, values)):
             break
         tell("once more" if same else "once more, without units and groups that differ")
+    estimate = replace(estimate, others=others)
     means, shifts = _means(simulator, estimate, cleaned)
     return Lot(
         model=model.mechanism.name,
@@ -332,7 +334,7 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
     found = []
     for number, process in enumerate(question.simulator.parts.processes):
         variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
-        size = Interval(math.sqrt(variance), *interval(variance, error))
+        size = Interval(math.sqrt(variance), *estimate.interval(number))
         above = size.low > 0
         capability, centred = _capability(process, size.value, means) if above else (None, None)
         found.append(
