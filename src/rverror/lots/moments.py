@@ -32,8 +32,8 @@ _NEAR = 500.0  # deviance that these leave at most (430 in four lots): a start t
 _MAKES = 0.15  # of all power: processes without which there is a start
 _AGAIN = 0.02  # of a workshop's deviation, with which processes that vanished begin again
 _LINEAR_STEPS = 40  # of the linear estimate, which need only come near
-_LIKELIER = 4.0  # fall of the deviance that is not the lot's chance
-_BLOCKS, _NOISE = 8, 2.0  # of the drawn units, and standard errors by them: a fall that is not the drawn units' chance
+_BLOCKS = 8  # of the drawn units, one at a time left out
+_LIKELIER = 2.0  # standard errors of a difference of deviances that are chance
 _DOUBTED = 0.05  # chance of so large a chi-square, below which a fit is poor
 _SHARE = 0.3  # of the drawn covariance that is taken block by block: units are only a few times its size
 
@@ -145,6 +145,24 @@ class _Distance(NamedTuple):
     slope: Array  # (statistics, variances and compliances)
 
 
+class _Likelihood(NamedTuple):
+    """Of a lot at a state."""
+
+    deviance: Array  # minus twice the logarithm, each without one block of the drawn units, (blocks,)
+    weights: Array  # inverse covariances of either half of the drawn units, (2, d, d)
+    drawn: Array  # these units with noise, about their mean, (n, d)
+    units: int  # of the lot
+
+    def above(self, other: _Likelihood) -> tuple[float, float]:
+        """Deviance over another state's, and what chance may make of it: of the drawn units, by a jackknife, and of the
+        lot's, if they are the other state's (Vuong 1989)."""
+        difference, forms = self.deviance - other.deviance, self.weights - other.weights
+        of_drawn = np.var(difference) * (len(difference) - 1)
+        ratios = np.einsum("hud,ud->hu", other.drawn @ forms, other.drawn)
+        of_lot = self.units * max(float(np.cov(ratios)[0, 1]), 0.0)  # noise of the halves' weights has none in common
+        return float(difference.mean()), _LIKELIER * math.sqrt(of_drawn + of_lot)
+
+
 class _Fit(NamedTuple):
     """A state with the units that are drawn there, and how far their statistics are from a lot's."""
 
@@ -231,37 +249,39 @@ class MomentMatching:
         Statistics that are made at a state are nearly blind to what others make where other contacts are open, so that
         each fits its own; the likelihood of the whole covariance is not.
         """
-        found = [(fit, self._deviance(fit.state))]
+        found = [(fit, self._likelihood(fit.state))]
         for start in self._without(fit.state):
-            least = found[0][1]
+            best = found[0][1]
             try:
                 for _ in range(_AFTER):
                     start = self._rough(start)
-                if np.mean(self._deviance(start) - least) > _NEAR:
+                if self._likelihood(start).above(best)[0] > _NEAR:
                     continue
                 other = self._renewed(start, 1)
             except np.linalg.LinAlgError:  # so far off that statistics do not vary
                 continue
-            there = self._deviance(other.state)
-            self.tell(f"another start: deviance {np.mean(there):.5g}, before {np.mean(least):.5g}")
-            if np.mean(there - least) < -_chance(there - least):
+            there = self._likelihood(other.state)
+            above, chance = there.above(best)
+            self.tell(f"another start: deviance {above:+.3g}, by chance {chance:.3g}")
+            if above < -chance:
                 found.insert(0, (other, there))
             elif not self._near(fit.state, other.state, fit.distance, fit.weights):
                 found.append((other, there))
-        best, least = found[0]
-        return [best, *(one for one, there in found[1:] if np.mean(there - least) < _chance(there - least))]
+        (first, best), *others = found
+        pairs = [(one, *there.above(best)) for one, there in others]
+        return [first, *(one for one, above, chance in pairs if above < chance)]
 
-    def _deviance(self, state: State) -> Array:
-        """Minus twice the logarithm of the likelihood and the prior, were amplitudes normal, shape (blocks,).
-
-        Each without one block of the drawn units (jackknife): a covariance of 400 units is 20 off in a deviance.
-        """
+    def _likelihood(self, state: State) -> _Likelihood:
+        """That of the lot with the prior, were amplitudes normal."""
         values, found = self.simulator.values(state, self.fresh), list[float]()
+        noise = np.random.default_rng(1).standard_normal(values.shape)
         for block in np.array_split(np.arange(len(values)), _BLOCKS):
-            made = self._made(np.delete(values, block, axis=0)) + np.eye(values.shape[1])
-            misfit = np.trace(np.linalg.solve(made, self.sample.covariance)) + np.linalg.slogdet(made)[1]
+            without = self._made(np.delete(values, block, axis=0)) + np.eye(values.shape[1])
+            misfit = np.trace(np.linalg.solve(without, self.sample.covariance)) + np.linalg.slogdet(without)[1]
             found.append(float(self.sample.units * misfit + self._prior(state)))
-        return np.array(found)
+        weights = [np.linalg.inv(self._made(half) + np.eye(values.shape[1])) for half in np.array_split(values, 2)]
+        drawn = values - values.mean(axis=0) * self.simulator.amplitudes.marked + noise
+        return _Likelihood(np.array(found), np.array(weights), drawn, self.sample.units)
 
     def _without(self, state: State) -> list[State]:
         """States in which one of the processes that make most makes nothing, and the others as much as is likely.
@@ -488,11 +508,6 @@ def _inverse(matrix: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(size, size) + _NARROW * np.eye(len(size))
     return np.asarray(np.linalg.inv(scaled) / np.outer(size, size))
-
-
-def _chance(fall: Array) -> float:
-    """Difference of two deviances that may be chance, of the lot or of the drawn units, from (blocks,)."""
-    return max(_LIKELIER, _NOISE * float(np.std(fall)) * math.sqrt(len(fall) - 1))
 
 
 def sample_of(values: Array, *, marked: bool = True) -> Sample:
