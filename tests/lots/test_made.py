@@ -507,7 +507,7 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     jammed = some.shift_effects(state, standard, np.array([1e3 * large, large]), many)
     np.testing.assert_allclose(jammed[0], [1e3 * many @ large, -1e3 * many @ large])
     np.testing.assert_array_equal(jammed[1], found[1])
-    with pytest.raises(NotConvergedError, match="0 of 3 drawn units have an equilibrium"):
+    with pytest.raises(NotConvergedError, match="none of 3 units has an equilibrium"):
         some.values(state, standard + 1e3 * large / state.deviation[some.parts.process])
 
 

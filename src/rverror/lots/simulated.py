@@ -143,12 +143,12 @@ class Simulator:
         Raises
         ------
         NotConvergedError
-            If none has one, or one alone, of which there is no covariance.
+            If none has one.
         """
         turns = self._loaded(state.compliance)
         found = each_solved(lambda errors: self._waves(turns, [errors]), list(self.errors(state, standard)))
-        if len(found) < 2:
-            raise NotConvergedError(f"{len(found)} of {len(standard)} drawn units have an equilibrium; check the model")
+        if not found:
+            raise NotConvergedError(f"none of {len(standard)} units has an equilibrium; check the model")
         return np.array(found)
 
     def values(self, state: State, standard: Array) -> Array:
