@@ -436,25 +436,28 @@ def test_halves_of_a_shift_tell_that_it_grows_as_its_fourth_power() -> None:
     assert found.since_interval[0] <= SERIALS[40] <= found.since_interval[1] < SERIALS[50]
 
 
-def test_what_scatters_with_a_shift_counts_for_less() -> None:
-    """Units with the shift have five times the errors in a direction that a second part shares: the first is named."""
+def test_a_difference_is_weighed_by_the_covariance_of_both_sides() -> None:
+    """A third of the units have the shift and five times the errors along the encoder: the size is that of generalised
+    least squares with the covariance of the difference of two means, C0 / n0 + C1 / n1."""
     cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
-    wide, labels = encoder.columns[:, 0] * error_of(encoder, 5), {"machine": ("A", "B") * (UNITS // 2)}
-    rng, widths = np.random.default_rng(3), list[list[float]]()
-    more = np.linalg.inv(SOME.weight) + np.outer(wide, wide)
-    covered = [0, 0]
+    column, wide = cams.columns[:, 0], encoder.columns[:, 0] * error_of(encoder, 5)
+    inside, rng = np.arange(UNITS) % 3 == 1, np.random.default_rng(3)
+    labels = {"machine": tuple("AB"[int(one)] for one in inside)}
+    sound = np.linalg.inv(SOME.weight)
+    more, sizes = sound + np.outer(wide, wide), list[float]()
     for seed in range(20):
         values = lot(200 + seed)
-        values[1::2] += cams.columns[:, 0] * error_of(cams, 3) + np.outer(rng.standard_normal(UNITS // 2), wide)
-        widths.append([])
-        for at, shifted in enumerate((Shifted(), Shifted(covariance=lambda *_: more))):
-            found, *_ = group_differences(values, labels, SOME.weight, [cams, encoder], shifted=shifted, seed=seed)
-            (one,) = found.causes
-            own = one.key == cams.key
-            covered[at] += own and error_of(cams, 3) in one.size
-            widths[-1].append(one.size.high - one.size.low if own else math.inf)
-    assert covered[1] >= 16
-    assert np.median(np.array(widths)[:, 1]) < np.median(np.array(widths)[:, 0])
+        values[inside] += column * error_of(cams, 3) + np.outer(rng.standard_normal(inside.sum()), wide)
+        found, *_ = group_differences(
+            values, labels, SOME.weight, [cams], shifted=Shifted(covariance=lambda *_: more), seed=seed
+        )
+        (one,) = found.causes
+        pressed = np.linalg.solve(sound / np.sum(~inside) + more / inside.sum(), column)
+        size = pressed @ (values[inside].mean(axis=0) - values[~inside].mean(axis=0)) / (pressed @ column)
+        assert one.size.value == pytest.approx(size, rel=2e-3)
+        sizes.append(one.size.value)
+        assert (one.size.high - one.size.low) / 2 == pytest.approx(1.99 / math.sqrt(pressed @ column), rel=0.35)
+    assert np.std(sizes) == pytest.approx(1 / math.sqrt(pressed @ column), rel=0.5)
 
 
 def test_a_share_of_a_shift_is_a_smaller_shift() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,7 +19,7 @@ from rverror.base.units import ARCSEC
 from rverror.lots.amplitudes import LotUnit, amplitudes_of
 from rverror.lots.differences import changes_over_serial, course, group_differences
 from rverror.lots.identifiable import Question, question_of
-from rverror.lots.moments import LotEstimate, MomentMatching, interval, sample_of
+from rverror.lots.moments import Likelihood, LotEstimate, MomentMatching, Sample, interval, sample_of
 from rverror.lots.processes import processes_of
 from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, Simulator, State
@@ -240,6 +241,29 @@ def test_a_fit_that_begins_with_the_wrong_process_does_not_end_there() -> None:
     found = estimated(question, true, seed=1, drawn=160, fresh=400, start=start)
     assert not found.poor
     assert found.state.deviation[key.index("cycloid.disc_pitch")] < 2e-3
+
+
+def test_chance_of_a_difference_of_likelihoods_is_what_lots_and_drawn_units_make() -> None:
+    """Two covariances of twelve amplitudes: how much deviances differ over 200 lots of the first, each with drawn units
+    of its own, against what each pair tells of itself, two standard errors."""
+    rng, d = np.random.default_rng(6), 12
+    roots = [np.diag(np.linspace(0.5, 2.0, d)), np.diag(np.linspace(0.5, 2.0, d) * np.linspace(1.15, 0.85, d))]
+
+    def told(sample: Sample, root: Array) -> Likelihood:
+        return Likelihood.of(sample, rng.standard_normal((600, d)) @ root, lambda some: np.asarray(np.cov(some.T)))
+
+    differences, chances = [], []
+    for _ in range(200):
+        lot = rng.standard_normal((100, d)) @ roots[0] + rng.standard_normal((100, d))
+        one, other = (told(sample_of(lot), root) for root in roots)
+        above, chance = other.above(one)
+        differences.append(above)
+        chances.append(chance)
+    made, none = (np.square(root) + np.eye(d) for root in roots)
+    expected = np.trace(np.linalg.solve(none, made)) - d + np.linalg.slogdet(none)[1] - np.linalg.slogdet(made)[1]
+    assert np.mean(differences) == pytest.approx(100 * expected, abs=4 * np.std(differences) / math.sqrt(200))
+    ratio = math.sqrt(np.mean(np.square(chances))) / 2 / np.std(differences)
+    assert 1.0 < ratio < 1.5  # a jackknife's variance is too large in the mean (Efron, Stein 1981)
 
 
 def test_an_interval_holds_what_a_state_as_likely_has(question: Question) -> None:

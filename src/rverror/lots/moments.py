@@ -6,6 +6,7 @@ Page ``theory/lots.md``.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -145,17 +146,53 @@ class _Distance(NamedTuple):
     slope: Array  # (statistics, variances and compliances)
 
 
-class _Likelihood(NamedTuple):
-    """Of a lot at a state."""
+class Likelihood(NamedTuple):
+    """That of a lot at a state, were amplitudes normal.
 
-    deviance: Array  # minus twice the logarithm, each without one block of the drawn units, (blocks,)
-    weights: Array  # inverse covariances of either half of the drawn units, (2, d, d)
-    drawn: Array  # these units with noise, about their mean, (n, d)
-    units: int  # of the lot
+    Attributes
+    ----------
+    deviance : ndarray, shape (blocks,)
+        Minus twice its logarithm, each without one block of the drawn units.
+    weights : ndarray, shape (2, d, d)
+        Inverse covariances of either half of them.
+    drawn : ndarray, shape (n, d)
+        These units with noise, about their mean.
+    units : int
+        Of the lot.
+    """
 
-    def above(self, other: _Likelihood) -> tuple[float, float]:
-        """Deviance over another state's, and what chance may make of it: of the drawn units, by a jackknife, and of the
-        lot's, if they are the other state's (Vuong 1989)."""
+    deviance: Array
+    weights: Array
+    drawn: Array
+    units: int
+
+    @classmethod
+    def of(cls, sample: Sample, values: Array, covariance: Callable[[Array], Array]) -> Likelihood:
+        """That of a lot whose units are as those that are drawn.
+
+        Parameters
+        ----------
+        sample : Sample
+        values : ndarray, shape (n, d)
+            Of the drawn units about their mean, without noise.
+        covariance : callable
+            Of some of these.
+        """
+        noise, found = np.eye(values.shape[1]), list[float]()
+        for block in np.array_split(np.arange(len(values)), _BLOCKS):
+            made = covariance(np.delete(values, block, axis=0)) + noise
+            misfit = np.trace(np.linalg.solve(made, sample.covariance)) + np.linalg.slogdet(made)[1]
+            found.append(sample.units * float(misfit))
+        weights = np.array([np.linalg.inv(covariance(half) + noise) for half in np.array_split(values, 2)])
+        drawn = values + np.random.default_rng(1).standard_normal(values.shape)
+        return cls(np.array(found), weights, drawn, sample.units)
+
+    def above(self, other: Likelihood) -> tuple[float, float]:
+        """Deviance over that of another state, and how much of it may be chance.
+
+        That of the drawn units is told by a jackknife, that of the lot by the spread of the likelihood ratio over units
+        of the other state (Vuong 1989).
+        """
         difference, forms = self.deviance - other.deviance, self.weights - other.weights
         of_drawn = np.var(difference) * (len(difference) - 1)
         ratios = np.einsum("hud,ud->hu", other.drawn @ forms, other.drawn)
@@ -265,23 +302,18 @@ class MomentMatching:
             self.tell(f"another start: deviance {above:+.3g}, by chance {chance:.3g}")
             if above < -chance:
                 found.insert(0, (other, there))
-            elif not self._near(fit.state, other.state, fit.distance, fit.weights):
+            elif not any(self._near(one.state, other.state, one.distance, one.weights) for one, _ in found):
                 found.append((other, there))
         (first, best), *others = found
         pairs = [(one, *there.above(best)) for one, there in others]
         return [first, *(one for one, above, chance in pairs if above < chance)]
 
-    def _likelihood(self, state: State) -> _Likelihood:
-        """That of the lot with the prior, were amplitudes normal."""
-        values, found = self.simulator.values(state, self.fresh), list[float]()
-        noise = np.random.default_rng(1).standard_normal(values.shape)
-        for block in np.array_split(np.arange(len(values)), _BLOCKS):
-            without = self._made(np.delete(values, block, axis=0)) + np.eye(values.shape[1])
-            misfit = np.trace(np.linalg.solve(without, self.sample.covariance)) + np.linalg.slogdet(without)[1]
-            found.append(float(self.sample.units * misfit + self._prior(state)))
-        weights = [np.linalg.inv(self._made(half) + np.eye(values.shape[1])) for half in np.array_split(values, 2)]
-        drawn = values - values.mean(axis=0) * self.simulator.amplitudes.marked + noise
-        return _Likelihood(np.array(found), np.array(weights), drawn, self.sample.units)
+    def _likelihood(self, state: State) -> Likelihood:
+        """That of the sample with the prior."""
+        values = self.simulator.values(state, self.fresh)
+        values -= values.mean(axis=0) * self.simulator.amplitudes.marked
+        found = Likelihood.of(self.sample, values, self._made)
+        return found._replace(deviance=found.deviance + self._prior(state))
 
     def _without(self, state: State) -> list[State]:
         """States in which one of the processes that make most makes nothing, and the others as much as is likely.
@@ -350,6 +382,9 @@ class MomentMatching:
         standard = shift / state.deviation[self.simulator.parts.process]
         return self._covariance_of(self.simulator.values(state, self.fresh + standard))
 
+    def _weight(self, values: Array) -> Array:
+        return np.asarray(np.linalg.inv(self._covariance_of(values)))
+
     def _covariance_of(self, values: Array) -> Array:
         """Of units drawn for it alone; amplitudes of one order keep their covariances, others lose a share."""
         made, kept = self._made(values), 1 - _SHARE * ~self.simulator.amplitudes.same_order
@@ -364,7 +399,7 @@ class MomentMatching:
             [draws.influence[:, of == c] @ draws.influence[:, of == c].T for c in range(len(draws.squares))]
         )
         kinds = np.concatenate([draws.squares, self.simulator.amplitudes.over_turns(means)])
-        return self._weights(draws, np.asarray(np.linalg.inv(self._covariance_of(mine))), kinds, units)
+        return self._weights(draws, self._weight(mine), kinds, units)
 
     def _weights(self, draws: Draws, weight: Array, kinds: Array, units: Array) -> _Weights:
         """Quadratic forms W K W, K the mean of J J' or of J times its own, of each process; and their covariance.
@@ -499,7 +534,7 @@ class MomentMatching:
         covariance = self._covariance(slope, weights)
         covariance *= max(distance.chi_square / freedom, 1.0)  # what the model lacks widens all intervals
         influence = np.asarray(np.mean([some.influence for some in fresh], axis=0))
-        weight = np.asarray(np.linalg.inv(self._covariance_of(np.concatenate([some.values for some in fresh]))))
+        weight = self._weight(np.concatenate([some.values for some in fresh]))
         return LotEstimate(state, covariance, distance.chi_square, freedom, draws, influence, weight)
 
 
