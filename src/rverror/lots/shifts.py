@@ -34,6 +34,7 @@ _SOLVED, _CHANGED = ((8, None), (50, 16), (200, 4), (200, 4)), 0.1
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
 _ORDERS = np.arange(1, 5)  # powers of a share that solved shares tell: its own, half of it, and their opposites
 _TIMES = np.linspace(-3.0, 3.0, 2401)  # of the size at which a source was solved: a lot shows no shift to 1/400
+_POWERS = _TIMES ** _ORDERS[:, None]
 
 
 @dataclass(frozen=True)
@@ -371,10 +372,10 @@ class _Courses:
 
     def chi_squares(self, effect: ShiftEffect) -> Array:
         """Of multiples of an effect with each course, shape (courses, times)."""
-        pressed, powers = self.weight @ effect.powers.T, _TIMES ** _ORDERS[:, None]
+        pressed = self.weight @ effect.powers.T
         along = np.einsum("pcu,up->cp", self.shares, self.values @ pressed)
         own = np.einsum("pcu,qcu->cpq", self.shares, self.shares) * (effect.powers @ pressed)
-        return np.asarray(2 * along @ powers - np.einsum("cpt,pt->ct", own @ powers, powers))
+        return np.asarray(2 * along @ _POWERS - np.einsum("cpt,pt->ct", own @ _POWERS, _POWERS))
 
     def scattered(self, course: int, shifted: Array) -> _Courses:
         """The same by the covariance that the contrast of a course has: its units', between those with and without."""
