@@ -266,12 +266,36 @@ def test_step_is_found_at_its_unit() -> None:
 
 def test_the_interval_of_a_beginning_holds_those_between_the_ones_that_are_tried() -> None:
     cams = of_parts("crank.eccentricity", "radial", disc=0)
-    for first in (60, 61, 62, 63):
+    for first in range(60, 72):
         values = lot(first)
         values[first:] += cams.columns[:, 0] * error_of(cams, 10.0)
         found, *_ = changes_over_serial(values, SERIALS, SOME.weight, [cams])
         earliest, latest = map(SERIALS.index, found.since_interval)
         assert earliest <= first <= latest < earliest + 5
+
+
+def test_what_units_scatter_and_what_a_change_leaves_widen_its_interval() -> None:
+    """A step of 20 errors of a unit: with three times the errors along it, which the weight does not know, the interval
+    is three times as wide; with a misfit beside it as many times as its root."""
+    cams = of_parts("crank.eccentricity", "radial", disc=0)
+    column, rng = cams.columns[:, 0], np.random.default_rng(9)
+    clean, odd = lot(5), rng.standard_normal(D)
+    clean[61:] += column * error_of(cams, 20.0)
+    odd -= column * (odd @ SOME.weight @ column) / (column @ SOME.weight @ column)
+    left = odd * 3 / math.sqrt(odd @ SOME.weight @ odd)
+    scattered, missed = (
+        clean + np.outer(rng.standard_normal(UNITS), column * error_of(cams, math.sqrt(8.0))),
+        clean.copy(),
+    )
+    missed[61:] += left
+    widths = []
+    for values in (clean, scattered, missed):
+        found, *_ = changes_over_serial(values, SERIALS, SOME.weight, [cams])
+        widths.append(found.cause.size.high - found.cause.size.low)
+    units = 61 * (UNITS - 61) / UNITS  # a difference of two means is known as well as by so many
+    misfit_of = 1 + units * float(left @ SOME.weight @ left) / (D - 1)
+    assert widths[1] / widths[0] == pytest.approx(3.0, rel=0.25)
+    assert widths[2] / widths[0] == pytest.approx(math.sqrt(misfit_of), rel=0.25)
 
 
 def test_a_beginning_is_less_sure_where_units_scatter_more_behind_it() -> None:

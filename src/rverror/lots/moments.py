@@ -288,25 +288,23 @@ class MomentMatching:
         """
         found = [(fit, self._likelihood(fit.state))]
         for start in self._without(fit.state):
-            best = found[0][1]
             try:
                 for _ in range(_AFTER):
                     start = self._rough(start)
-                if self._likelihood(start).above(best)[0] > _NEAR:
+                if self._likelihood(start).above(found[0][1])[0] > _NEAR:
                     continue
                 other = self._renewed(start, 1)
             except np.linalg.LinAlgError:  # so far off that statistics do not vary
                 continue
-            there = self._likelihood(other.state)
-            above, chance = there.above(best)
-            self.tell(f"another start: deviance {above:+.3g}, by chance {chance:.3g}")
-            if above < -chance:
-                found.insert(0, (other, there))
-            elif not any(self._near(one.state, other.state, one.distance, one.weights) for one, _ in found):
-                found.append((other, there))
-        (first, best), *others = found
-        pairs = [(one, *there.above(best)) for one, there in others]
-        return [first, *(one for one, above, chance in pairs if above < chance)]
+            if not any(self._near(one.state, other.state, one.distance, one.weights) for one, _ in found):
+                found.append((other, self._likelihood(other.state)))
+        (best, least), *others = sorted(found, key=lambda one: float(one[1].deviance.mean()))
+        told = [best]
+        for one, there in others:
+            above, chance = there.above(least)
+            self.tell(f"another fit: deviance {above:.3g} larger, {chance:.3g} by chance")
+            told += [one] if above < chance else []
+        return told
 
     def _likelihood(self, state: State) -> Likelihood:
         """That of the sample with the prior."""
