@@ -22,7 +22,7 @@ from rverror.lots.identifiable import Question, question_of
 from rverror.lots.moments import Likelihood, LotEstimate, MomentMatching, Sample, interval, sample_of
 from rverror.lots.processes import processes_of
 from rverror.lots.shifts import ShiftSource, candidates_of
-from rverror.lots.simulated import COMPLIANCES, Simulator, State
+from rverror.lots.simulated import COMPLIANCES, Draws, Simulator, State
 from rverror.model.effects import Model
 from rverror.statics.loaded_state import SOFTENING
 
@@ -280,6 +280,15 @@ def test_an_interval_holds_what_a_state_as_likely_has(question: Question) -> Non
     both = replace(one, others=(other,))
     assert both.interval(pins) == (0.0, one.interval(pins)[1])
     assert both.interval(pitch) == (0.0, other.interval(pitch)[1])
+
+
+def test_shares_are_those_of_the_variance_not_of_the_noise() -> None:
+    """Two processes of one amplitude each: 2 um at 3 per um with a noise of 1, and 1 um at 1 per um with one of 4."""
+    squares = np.array([np.diag([9.0, 0.0]), np.diag([0.0, 1.0])])
+    draws = Draws(np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)), np.empty((2, 2)), squares, marked=True)
+    known = np.eye(2 + COMPLIANCES)
+    found = LotEstimate(State(np.array([2.0, 1.0])), known, 1.0, 1, draws, draws.influence, np.eye(2))
+    np.testing.assert_allclose(found.shares(np.array([1.0, 4.0])), [0.9, 0.1], rtol=1e-12)
 
 
 def test_no_variance_is_known_worse_than_by_its_prior(question: Question) -> None:

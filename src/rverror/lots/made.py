@@ -156,7 +156,7 @@ def lot(
         orders=simulator.amplitudes.orders.astype(np.float64),
         amplitudes=_rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
         made=_rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        notes=_notes(amplitudes, cleaned),
+        notes=(*_notes(amplitudes, cleaned), *_as_likely(simulator, estimate)),
         marked=amplitudes.marked,
     )
 
@@ -171,6 +171,17 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
     if not amplitudes.marked:
         notes.append(_UNMARKED)
     return tuple(notes)
+
+
+def _as_likely(simulator: Simulator, estimate: LotEstimate) -> list[str]:
+    """A note for each other fit: the process that makes more there."""
+    noise = simulator.amplitudes.noise
+    more = [int(np.argmax(other.shares(noise) - estimate.shares(noise))) for other in estimate.others]
+    return [
+        f"a fit with more of {simulator.parts.processes[at].label} is as likely, and the intervals hold both; units "
+        "measured at another torque may tell them apart"
+        for at in dict.fromkeys(more)
+    ]
 
 
 def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Progress) -> MomentMatching:
@@ -329,11 +340,9 @@ def _shifted(parts: UnitParts, causes: Sequence[Shift]) -> Array:
 
 def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift], units: int) -> tuple[MadeBy, ...]:
     """Processes with their intervals, the largest share first."""
-    draws, state = estimate.draws, estimate.state
-    power = np.einsum("cdd,d->c", draws.squares, question.simulator.amplitudes.noise) * state.deviation**2
-    found = []
+    shares, found = estimate.shares(question.simulator.amplitudes.noise), []
     for number, process in enumerate(question.simulator.parts.processes):
-        variance, error = float(state.deviation[number] ** 2), float(estimate.variance_error[number])
+        variance, error = float(estimate.state.deviation[number] ** 2), float(estimate.variance_error[number])
         size = Interval(math.sqrt(variance), *estimate.interval(number))
         above = size.low > 0
         capability, centred = _capability(process, size.value, means) if above else (None, None)
@@ -342,7 +351,7 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
                 _not_shown(process),
                 deviation=size,
                 above_zero=above,
-                share=float(power[number] / power.sum()),
+                share=float(shares[number]),
                 alike=tuple(one.label for one in question.alike[number]),
                 units_needed=math.ceil(units * (1.96 * error / (2 * variance) / _PRECISE) ** 2) if above else None,
                 capability=capability,

@@ -98,6 +98,11 @@ class LotEstimate:
         ends = [other.interval(process) for other in self.others]
         return min([low, *(end[0] for end in ends)]), max([high, *(end[1] for end in ends)])
 
+    def shares(self, noise: Array) -> Array:
+        """Share of the variance that each process makes, where the noise has a variance, (d,) to (processes,)."""
+        power = np.einsum("cdd,d->c", self.draws.squares, noise) * self.state.deviation**2
+        return np.asarray(power / power.sum())
+
     @property
     def poor(self) -> bool:
         """Whether chance makes so large a chi-square less often than in one lot of 20."""
