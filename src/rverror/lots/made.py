@@ -39,6 +39,7 @@ _SPOILT = 0.2  # of the units that may be no members
 _ASKED = 0.05  # share of the members beyond whose distance suspects are asked for their part: one in 20 in vain
 _SUSPECTED = 0.5  # share of sound lots with a unit as far away, below which it is left out of the estimate
 _ESTIMATES = 3  # at most, each without the units and groups that the one before tells apart
+_ALIKE = 1 / 9  # of the units, without which an estimate moves by the root of that, a third of its standard errors
 _BOUND = 10.0  # times the usual power of a unit: two errors that make all of it exceed that in one of 1000
 _LEFT = (30, 0.4)  # units, and share of the lot, from which processes are told without groups and changes
 # times the amplitudes, and at least: units of which the covariance and the mean influences of an estimate are made.  A
@@ -68,14 +69,17 @@ class _Cleaned:
     differences: tuple[Difference, ...] = ()
     changes: tuple[Change, ...] = ()
 
-    @property
-    def same(self) -> tuple[object, ...]:
-        """What decides whether it has changed."""
-        return (
-            tuple(self.kept),
-            tuple((d.label, d.value, d.causes[0].key) for d in self.differences),
-            tuple((c.since, c.cause.key) for c in self.changes),
+    def like(self, other: _Cleaned) -> bool:
+        """Whether the same is found, and the kept units tell the same processes within their errors."""
+        found, others = (
+            (
+                {one.serial for one in some.outsiders}.union(some.suspects),
+                [(d.label, d.value, d.causes[0].key) for d in some.differences],
+                [(c.course, c.cause.key) for c in some.changes],
+            )
+            for some in (self, other)
         )
+        return found == others and bool(np.mean(self.kept != other.kept) <= _ALIKE * np.mean(other.kept))
 
 
 def lot(
@@ -134,8 +138,9 @@ def lot(
         others = estimate.others or others  # a fit that begins near asks for no others
         settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
         before, cleaned = cleaned, _clean(matching, values, estimate, seed, cleaned, settled=settled, last=last)
-        state, same = estimate.state, cleaned.same == before.same
+        state, same = estimate.state, cleaned.like(before)
         if same and settled and (number > 0 or np.array_equal(bounded, values)):
+            cleaned = replace(cleaned, kept=before.kept)
             break
         tell("once more" if same else "once more, without units and groups that differ")
     estimate = replace(estimate, others=others)
@@ -174,13 +179,16 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
 
 
 def _as_likely(simulator: Simulator, estimate: LotEstimate) -> list[str]:
-    """A note for each other fit: the process that makes more there."""
-    noise = simulator.amplitudes.noise
-    more = [int(np.argmax(other.shares(noise) - estimate.shares(noise))) for other in estimate.others]
+    """A note for each other fit in which a process is above zero that is not so here: the one that makes most more."""
+    noise, alone, found = simulator.amplitudes.noise, replace(estimate, others=()), dict[str, None]()
+    for other in estimate.others:
+        at = int(np.argmax(other.shares(noise) - alone.shares(noise)))
+        if alone.interval(at)[0] == 0 < other.interval(at)[0]:
+            found[simulator.parts.processes[at].label] = None
     return [
-        f"a fit with more of {simulator.parts.processes[at].label} is as likely, and the intervals hold both; units "
-        "measured at another torque may tell them apart"
-        for at in dict.fromkeys(more)
+        f"a fit with more of {label} is as likely, and the intervals hold both; units measured at another torque may "
+        "tell them apart"
+        for label in found
     ]
 
 
@@ -297,7 +305,7 @@ def _clean(
         return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, differences, tuple(changes))
 
     found = cleaned(before.gross)
-    if not amplitudes.marked or not (last or (settled and found.same == before.same)):
+    if not amplitudes.marked or not (last or (settled and found.like(before))):
         return found
     asked = unchanged & ~np.isin(amplitudes.serials, [one.serial for one in before.gross])
     away = left[asked] - np.median(left[unchanged], axis=0)

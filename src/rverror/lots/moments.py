@@ -464,6 +464,7 @@ class MomentMatching:
         Its draws have either sign: what they share with those of others cancels.
         """
         contrast, found = np.array([-1.0, 0.5, 0.5]), []
+        state = replace(state, deviation=np.where(state.deviation > self.least, state.deviation, 0.0))
         for none_and_both in self.simulator.raised(state, self.standard[::_ROUGH], np.sqrt(variance)):
             samples = [sample_of(values, marked=self.simulator.amplitudes.marked) for values in none_and_both]
             covariance = np.tensordot(contrast, [one.covariance for one in samples], 1)

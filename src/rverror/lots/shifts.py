@@ -432,6 +432,7 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
     shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in _ORDERS])
     of, solved, counts = _Courses(fits, weight, values, shares), dict[int, ShiftEffect](), dict[int, int]()
     unshifted, found = of, of.ranked(at, solved)
+    scattered: tuple[int, Array] | None = None  # the candidate, and its sizes, whose scatter is known
     for count, most in _SOLVED:
         likeliest = list(dict.fromkeys([found.best, *np.argsort(-found.likely).tolist()]))[:most]
         few = [n for n in likeliest if counts.get(n, 0) < count]
@@ -444,8 +445,10 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
         counts |= dict.fromkeys(asked, count)
         found = of.ranked(at, solved)
         if most is not None:
-            one = fits.candidates[found.best]
-            shifted = units.covariance(one, _bounded(found.effects[found.best].sizes, one))
+            one, sizes_now = fits.candidates[found.best], found.effects[found.best].sizes
+            if scattered is None or scattered[0] != found.best or _far(sizes_now, scattered[1]):
+                scattered = found.best, sizes_now
+                shifted = units.covariance(one, _bounded(sizes_now, one))
             of = unshifted.scattered(at, shifted)
             found = of.ranked(at, solved)
         for _ in range(2):  # what is best with one course may have another, and with that not be best

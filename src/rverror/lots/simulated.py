@@ -191,18 +191,19 @@ class Simulator:
             Of units that have an equilibrium in all cases.
         """
         turns = self._loaded(state.compliance)
-        sizes = [
+        every = [
             np.where(np.arange(len(deviation)) == at, sign * deviation, state.deviation)
             for at in np.flatnonzero(deviation)
             for sign in (0.0, 1.0, -1.0)
         ]
+        sizes, places = np.unique(every, axis=0, return_inverse=True)  # without a process that is none all are one
 
         def solve(row: Array) -> Array:
             return self._waves(turns, [self.errors(replace(state, deviation=one), row) for one in sizes])
 
         waves = np.array(each_solved(solve, list(standard)))
-        values = self.amplitudes.of_waves(waves).reshape(len(waves), -1, 3, len(self.scale)) * self.scale
-        return np.moveaxis(values, 0, 2)
+        values = self.amplitudes.of_waves(waves).reshape(len(waves), len(sizes), -1)[:, places] * self.scale
+        return np.moveaxis(values.reshape(len(waves), -1, 3, len(self.scale)), 0, 2)
 
     def shift_effects(self, state: State, standard: Array, shifts: Array, influence: Array) -> Array:
         """What shifts of the parts and their opposites change of units' whitened amplitudes, in the mean.
