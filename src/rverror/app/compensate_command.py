@@ -48,7 +48,7 @@ from rverror.views.report import to_text
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
             '"20 N*m"',
-            "output torque of the table (default: the runs' median); json: all measured, all given",
+            "output torque of the table (default: the runs' median); json has all measured and all given",
             size="torque",
             action="append",
         ),

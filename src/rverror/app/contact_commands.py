@@ -74,7 +74,7 @@ def _angles(count: int) -> dict[str, Any]:
     options={
         **_OF_FRICTION,
         "--torque": option('"20 N*m"', f"{_RATED}; repeat it for more", size="torque", action="append"),
-        "--drives": choice(_SIDES, "both", "driving side (default both; of --phase: input)"),
+        "--drives": choice(_SIDES, "both", "driving side (default both; with --phase: input)"),
         "--direction": choice(WAYS, "forward", "direction of motion (default forward)"),
         **PHASES,
         **{

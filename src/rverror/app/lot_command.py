@@ -53,7 +53,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option("TOL.toml", "the drawing's tolerances: only their processes, with Cp, Cpk", reads=True),
+        "--tolerances": option("TOL.toml", "the drawing's tolerances: only processes in it, with Cp, Cpk", reads=True),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",

@@ -69,7 +69,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
             least=0,
         ),
         **MAPPING,
-        "--bench": option("MODEL.toml", "model with [bench.encoders]: uncertainty of a measured THEIR.csv", reads=True),
+        "--bench": option("MODEL.toml", "if THEIR.csv was measured: model with its [bench.encoders]", reads=True),
         **results(),
     },
 )

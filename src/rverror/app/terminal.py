@@ -365,7 +365,7 @@ def arm(text: str) -> GravityArm:
 PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
-        "a phase of a duty cycle, in place of torque and speed: output torque, input speed, time; repeat for each one",
+        "a phase of a repeated duty cycle, in place of one load: output torque, input speed, time; repeat for each one",
         action="append",
     )
 }

@@ -46,7 +46,7 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = f"output torques of units under load (if not given: rated torque and 20 N*m){beside}"
+    torques = f"output torques of units under load (if other options ask for them: rated torque and 20 N*m){beside}"
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -135,7 +135,7 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what must meet the limit: load, units computed under load (default); yield, the closed-form quantile of "
+            "what meets the limit, by kind: load, units under load (default); yield, the closed-form quantile of "
             "the peak-to-peak (default of a drive and with --speed); worst, the closed-form worst case",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),

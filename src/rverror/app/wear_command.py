@@ -38,18 +38,18 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--torque": option('"412 N*m"', "output torque of the duty", size="torque"),
         "--speed": option('"1815 rpm"', "input speed of the duty", size="angular_speed"),
         **PHASES,
-        "--hours": option("N", "hours of operation", required=True, type=float),
+        "--hours": option("N", "hours of operation in all, shared by the phases", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
             f"Archard's wear coefficient of {', '.join(BODIES)} alike, or one: 'pin=2e-10 mm^3/(N*m)'; or the "
-            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per load and crank turn (default 0): "
+            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per unit load and crank turn (default 0): "
             "'spline=1e-8 um/kN'. Repeat it for more",
             action="append",
             required=True,
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
-            "running in: depth of roughness that wears off, and extra wear coefficient till then; of all bodies or "
+            "running in: depth of roughness that wears off, and what it adds to the wear coefficient; of all bodies or "
             "of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],
