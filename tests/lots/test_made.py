@@ -24,7 +24,8 @@ from rverror.lots.made import lot
 from rverror.lots.moments import LotEstimate, MomentMatching, interval
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import UnitParts, processes_of
-from rverror.lots.result import Change, Lot, Outsider
+from rverror.lots.result import Change, Interval, Lot, Outsider, Shift
+from rverror.lots.shifts import ShiftEffect
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
@@ -475,6 +476,25 @@ def test_a_unit_that_may_be_no_member_is_left_out_of_the_estimate_and_said(monke
     assert found.notes == ("far from the other units, and left out of the estimate: 005",)
     assert asked == ["005"]
     intervals_hold(found)
+
+
+def test_an_estimate_is_not_renewed_for_a_unit_that_changes_sides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of 33 units moves an estimate by the root of 1/33 of its standard errors, about a sixth."""
+    cause = Shift("crank.eccentricity", {"disc": 0, "crank": 0}, "radial", "length", Interval(0.0, 0.0, 0.0))
+    since = iter(["033", "032", "031"])
+
+    def changes_over_serial(
+        values: Array, serials: Sequence[str], *_: object, **__: object
+    ) -> tuple[tuple[Change, ShiftEffect], ...]:
+        first = next(since)
+        change = Change(first, (first, first), "step", 1e-3, cause)
+        return ((change, ShiftEffect(np.zeros(1), np.zeros((4, values.shape[1])))),)
+
+    monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_, level: ())
+    monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
+    found = lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
+    assert (found.changes[0].since, list(since)) == ("032", ["031"])
+    assert found.units == 33  # from which the processes are told
 
 
 def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
