@@ -126,8 +126,7 @@ def refused_in_one_line(path: str, kind: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:  # a damaged file makes the libraries raise anything, from KeyError to OSError
-        kind_of = "" if type(error).__module__.startswith("rverror") else f"{type(error).__name__}: "
-        reason = " ".join(f"{kind_of}{error}".split())[:120].rstrip(": ")
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120].rstrip(": ")
         raise InputError(
             f"{path}: cannot be read as {kind}, it is damaged or cut off ({reason}); copy or export it again"
         ) from error
