@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -28,7 +29,7 @@ from rverror.runs.reading import (
     ORDER_CONDITIONS,
     ORDER_KEYS,
     UNITS,
-    OrderRows,
+    Reading,
     check_lengths,
     header_lines,
     refuse,
@@ -39,6 +40,7 @@ from rverror.runs.reading import (
 _ATTRIBUTES = {name: name for name in ("direction", *ORDER_CONDITIONS)} | {"output_torque": "torque"}
 _SAME = 1e-9  # relative: numbers that are the same but for their digits
 _HEAD_BYTES = 65536
+_MADE = "order table"  # what messages call one that was made in memory
 
 
 # --- reading ----------------------------------------------------------------------------------------------------------
@@ -131,7 +133,7 @@ _BOUNDED = {
 _ABOVE = ("order", "sigma")
 
 
-def _table(rows: OrderRows) -> OrderTable:
+def _table(rows: Reading) -> OrderTable:
     notes = list(rows.notes)
     columns = {name: np.where(np.isfinite(values), values, np.nan) for name, values in rows.columns.items()}
     _check_stated(rows, columns)
@@ -171,7 +173,7 @@ def _table(rows: OrderRows) -> OrderTable:
     return OrderTable(path=rows.path, cases=tuple(made), index=rows.index, metadata=rows.metadata, notes=tuple(notes))
 
 
-def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
+def _check_bounds(rows: Reading, columns: Mapping[str, Array]) -> None:
     for name, remedy in _BOUNDED.items():
         values = columns.get(name, np.zeros(0))
         wrong = values <= 0 if name in _ABOVE else values < 0
@@ -181,7 +183,7 @@ def _check_bounds(rows: OrderRows, columns: Mapping[str, Array]) -> None:
             rows.refuse(f"{at}: {name} = {_printed(name, values[row])}: {remedy}")
 
 
-def _check_stated(rows: OrderRows, columns: Mapping[str, Array]) -> None:
+def _check_stated(rows: Reading, columns: Mapping[str, Array]) -> None:
     """Refuse a condition whose column says something else than the header."""
     for name, (value, where) in rows.stated.items():
         if name not in columns:
@@ -200,7 +202,7 @@ def _printed(name: str, value: float) -> str:
     return with_unit(value, DIMENSIONS[name]) if DIMENSIONS[name] else f"{value:g}"
 
 
-def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
+def _waves(rows: Reading, columns: Mapping[str, Array]) -> Waves:
     """z of each row; NaN where neither of its two numbers is there."""
     one, other = ("cos", "sin") if "cos" in columns else ("amplitude", "phase")
     first, second = columns[one], columns[other]
@@ -217,7 +219,7 @@ def _waves(rows: OrderRows, columns: Mapping[str, Array]) -> Waves:
         return np.asarray(first * np.exp(1j * second), dtype=np.complex128)
 
 
-def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: list[str]) -> Array | None:
+def _sigma(rows: Reading, columns: Mapping[str, Array], waves: Waves, notes: list[str]) -> Array | None:
     if "sigma" not in columns:
         return None
     sigma = columns["sigma"]
@@ -231,7 +233,7 @@ def _sigma(rows: OrderRows, columns: Mapping[str, Array], waves: Waves, notes: l
     return sigma
 
 
-def _note_left_out(rows: OrderRows, left: Flags, notes: list[str]) -> None:
+def _note_left_out(rows: Reading, left: Flags, notes: list[str]) -> None:
     count = int(np.count_nonzero(left))
     if count == left.size:
         listed = f" {rows.listed(left)}" if count else ""
@@ -295,32 +297,33 @@ def orders_from_arrays(
     """
     conditions = {"input_speed": input_speed, "temperature": temperature, "output_torque": torque}
     waves = {"order": order, "amplitude": amplitude, "phase": phase, "cos": cos, "sin": sin, "sigma": sigma}
-    row = partial(row_of, path=OrderRows.made_in)
+    row = partial(row_of, path=_MADE)
     columns = {name: row(name, value, DIMENSIONS[name]) for name, value in waves.items() if value is not None}
-    check_order_columns(OrderRows.made_in, "columns", columns)
+    check_order_columns(_MADE, "columns", columns)
     stated = {}
     for name, value in conditions.items():
         if value is None:
             continue
         if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
-            with refusing(f"{OrderRows.made_in}: {_ATTRIBUTES[name]}: "):
+            with refusing(f"{_MADE}: {_ATTRIBUTES[name]}: "):
                 stated[name] = (units.to_core(value, DIMENSIONS[name]), "all rows")
         else:
             columns[name] = row(_ATTRIBUTES[name], value, DIMENSIONS[name])
-    with refusing(f"{OrderRows.made_in}: "):
+    with refusing(f"{_MADE}: "):
         signs = direction_signs(direction)
     if signs.ndim:
         columns["direction"] = signs
     else:
         stated["direction"] = (float(signs), "all rows")
     sizes = {_ATTRIBUTES.get(name, name): values.size for name, values in columns.items()}
-    check_lengths(OrderRows.made_in, sizes, "give all the same number of rows")
-    return _table(_rows(columns, stated=stated, index=index, metadata=dict(metadata or {})))
+    check_lengths(_MADE, sizes, "give all the same number of rows")
+    rows = _rows(columns, stated=stated, index=index, metadata=dict(metadata or {}))
+    return replace(_table(rows), path="")
 
 
-def _rows(columns: Mapping[str, Array], **stated: Any) -> OrderRows:
+def _rows(columns: Mapping[str, Array], **stated: Any) -> Reading:
     """Rows in memory."""
-    return OrderRows(labels=np.arange(columns["order"].size), noun="row", columns=columns, **stated)
+    return Reading(path=_MADE, labels=np.arange(columns["order"].size), noun="row", columns=columns, **stated)
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -373,7 +376,7 @@ def orders_text(table: OrderTable, *, path: str = "", comments: Sequence[str] = 
     """
     values = {"kind": KIND} | ({"index": table.index} if table.index else {})
     values |= {key: value for key, value in table.metadata.items() if key.lower() not in ORDER_KEYS}
-    path = path or OrderRows.made_in
+    path = path or _MADE
     head = [*header_lines(path, values), *(f"# {comment}" for comment in comments)]
     columns = _written(path, table)
     cells = {"direction": list(map(way, columns.pop("direction")))}

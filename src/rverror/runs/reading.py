@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -99,10 +99,9 @@ def header_lines(path: str, values: Mapping[str, str]) -> list[str]:
 
 
 class OfFile:
-    """What was read of a file, `path`, and is refused by the file's name; by `made_in` where it was made in memory."""
+    """What was read of a file, `path`, and is refused by the file's name."""
 
     path: str
-    made_in: ClassVar[str] = "run"
 
     def refuse(self, message: str) -> NoReturn:
         """Refuse it, in one line that begins with its file.
@@ -112,7 +111,7 @@ class OfFile:
         InputError
             Always.
         """
-        refuse(self.path or self.made_in, message)
+        refuse(self.path, message)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,7 +121,7 @@ class Reading(OfFile):
     Attributes
     ----------
     path : str
-        File, as given; empty where they were made in memory.
+        File, as given, or what messages call rows that were made in memory; empty for a run.
     columns : mapping of str to ndarray, shape (n,)
         Known columns; NaN where a cell holds no number.
     labels : ndarray of int, shape (n,)
@@ -165,12 +164,6 @@ class Reading(OfFile):
         """
         labels = self.labels[rows].tolist()
         return f"({self.noun}{'' if len(labels) == 1 else 's'} {some(labels)})"
-
-
-class OrderRows(Reading):
-    """Rows of an order table, each one wave."""
-
-    made_in: ClassVar[str] = "order table"
 
 
 def refuse(path: str, message: str) -> NoReturn:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -36,8 +35,6 @@ from rverror.runs.reading import (
     refuse,
     stated_value,
 )
-
-R = TypeVar("R", bound=Reading)
 
 _MAT_HEADER = 128
 _SUFFIXES = {".mat": "MAT", ".h5": "HDF5", ".hdf5": "HDF5", ".hdf": "HDF5", ".tdms": "TDMS"}
@@ -122,7 +119,7 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
         remedy = ", or name the columns of the bench in a mapping (rverror read FILE --draft begins one); the file has "
         remedy += some_names(entry.name for entry in file.entries)
     check_needed(file.path, mapping.path or file.place or "columns", names, remedy)
-    read, entries, header = contents(file, mapping, rules, HEADER_KEYS, Reading)
+    read, entries, header = contents(file, mapping, rules, HEADER_KEYS)
     columns, stated, notes = dict(read.columns), dict(read.stated), list(read.notes)
     if "time" not in columns:
         columns |= _clock(file, list(entries.values()), read.labels.size, notes)
@@ -132,8 +129,8 @@ def read_bench_file(path: PathLike, mapping: BenchMapping) -> Reading:
 
 
 def contents(
-    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], keys: Sequence[str], kind: type[R]
-) -> tuple[R, dict[str, Entry], dict[str, Stated]]:
+    file: BenchFile, mapping: BenchMapping, rules: Mapping[str, ColumnRule], keys: Sequence[str]
+) -> tuple[Reading, dict[str, Entry], dict[str, Stated]]:
     """Known columns and header of a file, before the checks of a run or an order table.
 
     Parameters
@@ -142,8 +139,6 @@ def contents(
         Of the known columns.
     keys : sequence of str
         Of the header, that have a meaning.
-    kind : type
-        `Reading`, or one of its own.
 
     Returns
     -------
@@ -166,7 +161,7 @@ def contents(
     check_lengths(file.path, sizes, "record them at one rate, or export them again")
     columns = {key: core_values(file, key, rules[key], entries[key], array, notes) for key, array in stored.items()}
     header = header_values(file, mapping, keys, notes)
-    read = kind(
+    read = Reading(
         path=file.path,
         columns=columns,
         labels=np.arange(next(iter(columns.values())).size) if file.labels is None else file.labels,

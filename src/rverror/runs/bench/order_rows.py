@@ -25,7 +25,7 @@ from rverror.runs.bench.text import number_in
 from rverror.runs.reading import (
     ORDER_COLUMNS,
     ORDER_KEYS,
-    OrderRows,
+    Reading,
     Stated,
     bare_name,
     refuse,
@@ -44,7 +44,7 @@ _PAIRS = (
 )
 
 
-def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
+def read_order_rows(path: PathLike, mapping: BenchMapping) -> Reading:
     """Read the rows of an order table.
 
     Parameters
@@ -67,7 +67,7 @@ def read_order_rows(path: PathLike, mapping: BenchMapping) -> OrderRows:
         rules = standard_rules(file, mapping, ORDER_COLUMNS)
         names = [entry.name for entry in file.entries]
         check_order_columns(file.path, file.place, rules, others=names)
-    read, entries, header = contents(file, mapping, rules, ORDER_KEYS, OrderRows)
+    read, entries, header = contents(file, mapping, rules, ORDER_KEYS)
     stated, notes = dict(read.stated), list(read.notes)
     # A line of units, a footer: no row.  Of a row with some numbers the table's own checks say what is missing.
     kept = np.logical_or.reduce([np.isfinite(values) for values in read.columns.values()])
