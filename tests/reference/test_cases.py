@@ -47,10 +47,11 @@ def folder(tmp_path_factory, solved):
 def test_cases_hold_the_known_numbers(name, solved):
     arrays = solved[name].arrays
     for known in CASES[name].known:
-        te = arrays[f"transmission_error_{known.method}"]
-        size = te.mean() if known.order == 0 else 2 * abs(np.mean(te * np.exp(1j * known.order * arrays["theta"])))
-        assert size == pytest.approx(known.size, rel=known.tolerance, abs=1e-15)
-        assert (ROOT / known.where).is_file()
+        te = arrays[f"transmission_error_{known['method']}"]
+        order = known["order"]
+        size = te.mean() if order == 0 else 2 * abs(np.mean(te * np.exp(1j * order * arrays["theta"])))
+        assert size == pytest.approx(known["arcsec"] * ARCSEC, rel=known["tolerance"], abs=1e-15)
+        assert (ROOT / known["where"]).is_file()
 
 
 @pytest.mark.parametrize("name", CASES)

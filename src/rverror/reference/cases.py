@@ -56,30 +56,6 @@ WORDS: Mapping[Method, str] = {"equilibrium": "equilibrium", "closed": "closed f
 
 
 @dataclass(frozen=True)
-class KnownNumber:
-    """A number found otherwise, to hold a case against.
-
-    Attributes
-    ----------
-    method : {"closed", "equilibrium"}
-    order : int
-        Per output turn; 0 is the offset.
-    size : float
-        Amplitude, or the offset with its sign, rad.
-    tolerance : float
-        Share of it.
-    where : str
-        File of the repository that derives or checks it.
-    """
-
-    method: Method
-    order: int
-    size: float
-    tolerance: float
-    where: str
-
-
-@dataclass(frozen=True)
 class Definition:
     """What a reference case is, before it is solved.
 
@@ -95,15 +71,17 @@ class Definition:
         +1 forward, -1 reverse.
     closed_form : str
         What holds of the closed form; empty where it does not and is left out.
+    known : sequence of mapping
+        Numbers found otherwise, to hold the case against, as the file of the cases has them.
     """
 
     name: str
     shows: str
     model: Model
-    torque: float = 412e3
-    direction: float = 1.0
-    closed_form: str = ""
-    known: tuple[KnownNumber, ...] = ()
+    torque: float
+    direction: float
+    closed_form: str
+    known: Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,12 +164,7 @@ def _definition(case: Mapping[str, Any], errors: Sequence[Mapping[str, Any]]) ->
         units.parse(case.get("torque", "412 N*m"), "torque"),
         case.get("direction", 1.0),
         case.get("closed_form", ""),
-        tuple(
-            KnownNumber(method, one["order"], one["arcsec"] * ARCSEC, one["tolerance"], one["where"])
-            for one in case.get("known", ())
-            for method in METHODS
-            if one.get("method", method) == method
-        ),
+        case.get("known", ()),
     )
 
 
@@ -298,16 +271,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
         "equilibrium": _waveform_json(_given(arrays, "equilibrium"))
         | {"largest_residual": rounded(case.imbalance, DIGITS)},
-        "known": [
-            {
-                "method": WORDS[item.method],
-                "order": item.order,
-                "arcsec": in_arcsec(item.size, DIGITS),
-                "tolerance": item.tolerance,
-                "where": item.where,
-            }
-            for item in what.known
-        ],
+        "known": [{**one, "method": WORDS[one["method"]]} for one in what.known],
         "arrays": {name: ARRAYS[name] for name in arrays},
         "npz_sha256": hashlib.sha256(case_npz(case)).hexdigest(),
     }
