@@ -118,11 +118,6 @@ class StoredCase:
     direction: float
     arrays: Mapping[str, npt.NDArray[Any]]
 
-    def waveform(self, method: Method) -> Array | None:
-        """Transmission error of the case, rad; None where it holds none by this method."""
-        found = self.arrays.get(f"transmission_error_{method}")
-        return None if found is None else np.asarray(found, dtype=np.float64)
-
 
 #: What ``data/reference-cases.toml`` says of the cases, their arrays and a comparison.
 SHIPPED: Mapping[str, Any] = tomllib.loads(shipped("reference-cases.toml"))
@@ -248,7 +243,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
     unit = what.model.mechanism
     assert isinstance(unit, Reducer)
     arrays = case.arrays
-    closed = _given(arrays, "closed")
+    closed = waveform(arrays, "closed")
     gap = None if closed is None else float(np.std(arrays["transmission_error_equilibrium"] - closed))
     return {
         "format": FORMAT,
@@ -269,7 +264,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         "phase": "a wave is amplitude * cos(order * theta - phase)",
         "closed_form": _waveform_json(closed)
         | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
-        "equilibrium": _waveform_json(_given(arrays, "equilibrium"))
+        "equilibrium": _waveform_json(waveform(arrays, "equilibrium"))
         | {"largest_residual": rounded(case.imbalance, DIGITS)},
         "known": [{**one, "method": WORDS[one["method"]]} for one in what.known],
         "arrays": {name: ARRAYS[name] for name in arrays},
@@ -310,13 +305,13 @@ def _waveform_json(error: Array | None) -> dict[str, Any]:
     }
 
 
-def _given(arrays: Mapping[str, npt.NDArray[Any]], method: str) -> Array | None:
-    """Waveform over growing angles from 0, as orders need it."""
+# --- waves of a turn, as case.json and a comparison tell them ---------------------------------------------------------
+
+
+def waveform(arrays: Mapping[str, npt.NDArray[Any]], method: Method) -> Array | None:
+    """Transmission error of a case over growing angles from 0, rad; None where it holds none by this method."""
     values = arrays.get(f"transmission_error_{method}")
     return None if values is None else np.asarray(values[np.argsort(arrays["theta"] % _TURN, kind="stable")])
-
-
-# --- waves of a turn, as case.json and a comparison tell them ---------------------------------------------------------
 
 
 def waves_of(values: Array) -> npt.NDArray[np.complex128]:

@@ -22,6 +22,7 @@ from rverror.reference.cases import (
     StoredCase,
     phase_of,
     wave_json,
+    waveform,
     waves_of,
 )
 from rverror.runs.measurement import Run
@@ -126,17 +127,16 @@ def compare(
         no waveform by this method.
     """
     name = run.path or "run"
-    wanted = case.waveform(method)
+    wanted = waveform(case.arrays, method)
     if wanted is None:
         refuse(
             name, f"the case {case.name} has no closed form, since it does not hold there; leave out --method closed"
         )
-    found, notes = _on_case_angles(name, run, case, wanted)
-    order = np.argsort(case.arrays["theta"] % _TURN, kind="stable")  # from 0 on, whatever the direction
-    angle, case_wave, their_wave = case.arrays["theta"][order] % _TURN, wanted[order], found[order]
-    difference = their_wave - case_wave
+    angle = np.sort(case.arrays["theta"] % _TURN)  # from 0 on, whatever the direction
+    found, notes = _on_case_angles(name, run, case, angle, wanted)
+    difference = found - wanted
     about = difference - difference.mean()
-    waves = [waves_of(values) for values in (case_wave, their_wave, difference)]
+    waves = [waves_of(values) for values in (wanted, found, difference)]
     worst = np.argsort(-np.abs(waves[2]), kind="stable")
     return Comparison(
         run=name,
@@ -147,16 +147,16 @@ def compare(
         rms=float(np.std(difference)),
         largest=float(np.abs(about).max()),
         largest_at=float(angle[np.abs(about).argmax()]),
-        peak_to_peak=float(np.ptp(their_wave)),
-        case_rms=float(np.std(case_wave)),
-        case_peak_to_peak=float(np.ptp(case_wave)),
+        peak_to_peak=float(np.ptp(found)),
+        case_rms=float(np.std(wanted)),
+        case_peak_to_peak=float(np.ptp(wanted)),
         orders=tuple(OrderDifference(int(i) + 1, *(complex(wave[i]) for wave in waves)) for i in worst),
         notes=(*run.notes, *notes),
         bench=None if encoders is None else uncertainty_of(encoders, case.ratio),
     )
 
 
-def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tuple[Array, list[str]]:
+def _on_case_angles(name: str, run: Run, case: StoredCase, case_angle: Array, wanted: Array) -> tuple[Array, list[str]]:
     """Error of a run at the angles of a case, mean of its whole turns, and what was done for it."""
     ways = set(run.direction.tolist())
     if len(ways) > 1:
@@ -176,7 +176,7 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, wanted: Array) -> tup
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
             "360 deg; give one or more whole turns",
         )
-    targets = _targets(case.arrays["theta"], angle[0], turns)
+    targets = _targets(case_angle, angle[0], turns)
     if not _samples_at(angle, targets):
         resolved = _check_step(name, step, wanted)
         notes.append(
