@@ -32,6 +32,8 @@ from rverror.geartrain.mechanism import Reducer, reducer
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix, transmission_error
 from rverror.model.effects import Effect, Model, effect
+from rverror.runs.order_table import Waves
+from rverror.runs.spectrum import harmonics
 from rverror.statics.loaded_state import linearise
 from rverror.views.html import shipped
 
@@ -314,10 +316,9 @@ def waveform(arrays: Mapping[str, npt.NDArray[Any]], method: Method) -> Array | 
     return None if values is None else np.asarray(values[np.argsort(arrays["theta"] % _TURN, kind="stable")])
 
 
-def waves_of(values: Array) -> npt.NDArray[np.complex128]:
+def waves_of(values: Array) -> Waves:
     """Amplitude * exp(i phase) of orders 1 to below half the angles, of a turn that starts at 0."""
-    n = values.size
-    return np.asarray(np.conj(np.fft.rfft(values))[1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
+    return np.conj(harmonics(values))
 
 
 def phase_of(wave: complex) -> float:

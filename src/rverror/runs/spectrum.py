@@ -10,6 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Drive, Reducer
+from rverror.runs.order_table import Waves
 
 _TURN = 2 * math.pi
 _MOST_MULTIPLE = 30
@@ -97,8 +98,8 @@ def even_travel(theta: Array, values: Array) -> tuple[Array, Array]:
     return theta.min() + span / points * at, np.interp(at, at[count > 0], total[count > 0] / count[count > 0])
 
 
-def harmonics(values: Array) -> Array:
-    """Orthonormal cosine and sine coefficients of rows of one period, without mean and Nyquist line.
+def harmonics(values: Array) -> Waves:
+    """Waves of rows of one period, without mean and Nyquist line.
 
     Parameters
     ----------
@@ -107,21 +108,15 @@ def harmonics(values: Array) -> Array:
 
     Returns
     -------
-    ndarray, shape (..., 2, m), m = (n - 1) // 2
-        Coefficients of cos and -sin per harmonic 1 to m, scaled so that the sum of squares over n is the variance.
+    ndarray of complex, shape (..., m), m = (n - 1) // 2
+        z of harmonic k = 1 to m: a row holds Re(z exp(2 pi i k j / n)) at sample j.
     """
     n = values.shape[-1]
-    lines = np.fft.rfft(values, axis=-1)[..., 1 : (n - 1) // 2 + 1] * math.sqrt(2 / n)
-    return np.stack([lines.real, lines.imag], axis=-2)
-
-
-def amplitude(coefficients: Array, samples: int) -> Array:
-    """Amplitude of each harmonic from its `harmonics` coefficients, shape (..., m)."""
-    return np.asarray(np.sqrt((coefficients**2).sum(axis=-2)) * math.sqrt(2 / samples), dtype=np.float64)
+    return np.asarray(np.fft.rfft(values, axis=-1)[..., 1 : (n + 1) // 2] * 2 / n, dtype=np.complex128)
 
 
 def noise_spectrum(values: Array) -> Array:
-    """Variance of one `harmonics` coefficient of one period, from what differs between periods.
+    """Power of the noise at each harmonic, from what differs between periods: its variance where it is white.
 
     Parameters
     ----------
@@ -133,8 +128,7 @@ def noise_spectrum(values: Array) -> Array:
     ndarray, shape (m,)
         Smoothed over neighbouring harmonics, a wider span at higher ones, so that coloured noise keeps its colour.
     """
-    coefficients = harmonics(values)
-    spread = ((coefficients - coefficients.mean(axis=0)) ** 2).sum(axis=(0, 1)) / (2 * (len(values) - 1))
+    spread = values.shape[-1] / 4 * harmonics(values).var(axis=0, ddof=1)  # white noise has waves of 4 variance / n
     total = np.concatenate([[0.0], np.cumsum(spread)])
     at = np.arange(spread.size)
     half = np.clip(at // 4, 4, 40)

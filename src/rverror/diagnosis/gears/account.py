@@ -23,7 +23,7 @@ from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.measurement import Run
-from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics
+from rverror.runs.spectrum import even_travel, frames_of_order, harmonics
 from rverror.statics.loaded_state import SOFTENING
 
 _TURN = 2 * math.pi
@@ -246,7 +246,7 @@ def _orders(fit: Fit, number: int) -> tuple[float, ...]:
         return tuple(map(abs, source(effect.key).orders(fit.run_set.unit, effect.indices)))
     without = evaluated(fit.run_set, fit.model_with(instead_of=number), fit.declared)
     theta, change = even_travel(record.theta, without.residual[0] - fit.residual[0])
-    size = np.pad(amplitude(harmonics(change), change.size), 1)
+    size = np.pad(np.abs(harmonics(change)), 1)
     orders = np.arange(1, size.size - 1) / round(theta.size * (theta[1] - theta[0]) / _TURN)
     peaks = (size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:]) & (size[1:-1] > 1e-3 * fit.run_set.policy.least_line)
     return leading(orders, np.where(peaks, size[1:-1], 0.0), size.max())

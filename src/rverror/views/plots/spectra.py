@@ -24,7 +24,7 @@ from rverror.model.compose import transmission_error_by_effect
 from rverror.model.effects import Model
 from rverror.model.results import Equilibrium
 from rverror.runs.measurement import Run
-from rverror.runs.spectrum import amplitude, even_travel, frames_of_order, harmonics, noise_spectrum, revolutions
+from rverror.runs.spectrum import even_travel, frames_of_order, harmonics, noise_spectrum, revolutions
 from rverror.views.by_order import short_frame, turns_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing, heat_map, span_of
@@ -73,7 +73,7 @@ def lines_of(theta: Array, values: Array) -> Lines:
     """
     turns, n = turns_of(theta), theta.size
     if turns == round(turns):
-        size = amplitude(harmonics(values), n)
+        size = np.abs(harmonics(values))
         return Lines(np.arange(1, size.size + 1, dtype=np.float64) / turns, size)
     at, window = np.linspace(-1.0, 1.0, n), np.hanning(n)
     rest = values - np.polyval(np.polyfit(at, values, 2), at)
