@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from itertools import islice, zip_longest
 
@@ -48,31 +47,7 @@ _BRACKETS = re.compile(r"[\[(][^\[\]()]*[\])]")
 _USUAL = {"angle": ("deg", "rad", "turn", "arcmin", "arcsec"), "time": ("s", "ms")}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Guess:
-    """What the names of the columns say of one column of a run.
-
-    Attributes
-    ----------
-    fitting : tuple of Entry
-        Columns whose names fit; one is a guess, several are a question.
-    unit : str
-        In the mapping's words, of the only one; empty where its name does not say it.
-    """
-
-    fitting: tuple[Entry, ...] = ()
-    unit: str = ""
-
-    def __str__(self) -> str:
-        """In words, for whoever has to confirm it."""
-        names = " and ".join(shown(entry.name, 60) for entry in self.fitting[:4])
-        if len(self.fitting) > 1:
-            return f"not guessed, for {names} fit alike"
-        unit_text = f"unit {self.unit}" if self.unit else "it states no unit"
-        return f"guessed from the name {names}, {unit_text}"
-
-
-def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
+def guesses(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """Columns that may be input angle, output angle and time, by their names and units.
 
     Parameters
@@ -82,28 +57,24 @@ def guesses(entries: Sequence[Entry]) -> dict[str, Guess]:
 
     Returns
     -------
-    dict of str to Guess
-        For ``input_angle``, ``output_angle`` and ``time``.
+    dict of str to list of Entry
+        For ``input_angle``, ``output_angle`` and ``time``, where there are any: one is a guess, several are a question.
 
     Examples
     --------
     >>> found = guesses([Entry(name="Antrieb [°]", unit="°"), Entry(name="phi_out_rad")])
-    >>> str(found["input_angle"]), str(found["output_angle"])
-    ("guessed from the name 'Antrieb [°]', unit deg", "guessed from the name 'phi_out_rad', unit rad")
+    >>> found["input_angle"][0].name, found["output_angle"][0].name
+    ('Antrieb [°]', 'phi_out_rad')
     """
     found: dict[str, list[Entry]] = {key: [] for key in _SIDES}
     for entry in entries:
         sides = [key for key, pattern in _SIDES.items() if _says(re.compile(pattern), entry)]
         if len(sides) == 1 and not entry.problem and _may_be(DIMENSIONS[sides[0]], entry):
             found[sides[0]].append(entry)
-    return {key: _guess(fitting, DIMENSIONS[key]) for key, fitting in found.items()}
-
-
-def _guess(fitting: Sequence[Entry], dimension: str) -> Guess:
-    if dimension == "angle":  # where some names say that they are angles, a shaft's name alone says less
-        said = [entry for entry in fitting if unit_of(entry, "angle") or _says(_ANGLE, entry)]
-        fitting = said or [entry for entry in fitting if _says(_PLAIN, entry)]
-    return Guess(fitting=tuple(fitting), unit=unit_of(fitting[0], dimension) if len(fitting) == 1 else "")
+    for key in ("input_angle", "output_angle"):  # where some names say that they are angles, a shaft's name says less
+        said = [entry for entry in found[key] if unit_of(entry, "angle") or _says(_ANGLE, entry)]
+        found[key] = said or [entry for entry in found[key] if _says(_PLAIN, entry)]
+    return {key: fitting for key, fitting in found.items() if fitting}
 
 
 def _says(pattern: re.Pattern[str], entry: Entry) -> bool:
@@ -181,23 +152,33 @@ def drafted(path: PathLike) -> tuple[str, list[str]]:
     lines += [f"#   {_described(entry)}" for entry in entries]
     if values:
         lines += ["# Values beside them:", *(f"#   {shown(value, 100)}" for value in values[:_MOST_VALUES])]
-    found = {key: guess for key, guess in guesses(entries).items() if guess.fitting}
+    found = guesses(entries)
     to_fill_in = "\n" + (resources.files("rverror") / "data" / "bench-mapping.toml").read_text(encoding="utf-8")
-    for key, guess in found.items():
+    for key, fitting in found.items():
         line = re.search(rf"^(?:# )?{key} = .*$", to_fill_in, re.MULTILINE)
         assert line is not None  # there is one for every key
-        to_fill_in = to_fill_in.replace(line[0], _proposed(key, guess, line[0]), 1)
-    return "\n".join(lines) + "\n" + to_fill_in, [f"{key}: {guess}" for key, guess in found.items()]
+        to_fill_in = to_fill_in.replace(line[0], _proposed(key, fitting, line[0]), 1)
+    return "\n".join(lines) + "\n" + to_fill_in, [f"{key}: {_guess(key, fitting)}" for key, fitting in found.items()]
 
 
-def _proposed(key: str, guess: Guess, line: str) -> str:
+def _guess(key: str, fitting: Sequence[Entry]) -> str:
+    """In words, for whoever has to confirm it."""
+    names = " and ".join(shown(entry.name, 60) for entry in fitting[:4])
+    if len(fitting) > 1:
+        return f"not guessed, for {names} fit alike"
+    unit = unit_of(fitting[0], DIMENSIONS[key])
+    return f"guessed from the name {names}, {f'unit {unit}' if unit else 'it states no unit'}"
+
+
+def _proposed(key: str, fitting: Sequence[Entry], line: str) -> str:
     """Line of a column as guessed, or as it stands where several columns fit."""
-    if len(guess.fitting) > 1:
-        return f"# {guess}:\n{line}"
-    unit = f"unit = {quoted(guess.unit)}" + (", counts_per_turn = 0" if guess.unit == COUNTS[0] else "")
+    if len(fitting) > 1:
+        return f"# {_guess(key, fitting)}:\n{line}"
+    word = unit_of(fitting[0], DIMENSIONS[key])
+    unit = f"unit = {quoted(word)}" + (", counts_per_turn = 0" if word == COUNTS[0] else "")
     no_unit = "; write its unit" + (", if it is no time of day" if key == "time" else "")
-    missing = {"": no_unit, COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(guess.unit, "")
-    return f"{key} = {{ name = {quoted(guess.fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
+    missing = {"": no_unit, COUNTS[0]: "; write counts_per_turn, 4 * lines of its disc"}.get(word, "")
+    return f"{key} = {{ name = {quoted(fitting[0].name)}, {unit} }}  # guessed from its name: confirm it{missing}"
 
 
 def _described(entry: Entry) -> str:
