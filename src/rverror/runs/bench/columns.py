@@ -32,9 +32,9 @@ _KINDS = {
 RawArray = np.ndarray[Any, np.dtype[Any]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Entry:
-    """A column as its file lists it.
+    """A column as its file lists it; two may be alike.
 
     Attributes
     ----------
@@ -100,17 +100,14 @@ class BenchFile(OfFile):
 
     def read(self, chosen: Iterable[Entry]) -> list[RawArray]:
         """Arrays of some of the entries, as stored."""
-        return self.columns([self._place(entry) for entry in chosen])
+        return self.columns([self.entries.index(entry) for entry in chosen])
 
     def words(self, chosen: Entry) -> list[str]:
         """Cells of an entry as text."""
         if self.cells is not None:
-            return self.cells(self._place(chosen))
+            return self.cells(self.entries.index(chosen))
         (array,) = self.read([chosen])
         return [f"{value:.15g}" for value in as_samples(self.path, shown(chosen.name, 60), array).tolist()]
-
-    def _place(self, chosen: Entry) -> int:
-        return next(i for i, entry in enumerate(self.entries) if entry is chosen)  # two may be alike
 
 
 def some_names(names: Iterable[str]) -> str:

@@ -180,7 +180,7 @@ def contents(
 
 def left_out_columns(file: BenchFile, used: Sequence[Entry]) -> list[str]:
     """What is to be noted of columns that no one asked for."""
-    unused = [entry.name for entry in file.entries if not any(entry is other for other in used) and entry.name]
+    unused = [entry.name for entry in file.entries if entry not in used and entry.name]
     if not unused:
         return []
     count = count_of(len(unused), "column")
