@@ -239,13 +239,12 @@ def _series(theta: Array, error: Array) -> Faults:
     places = np.flatnonzero(kept)
     moved = np.flatnonzero(kept & ~again)
     turned = [int(places[i]) for i in _turned(theta[places])]
-    gaps = _gaps(theta[moved], np.isin(moved, turned))
     return Faults(
         theta,
         kept,
         np.zeros(0, dtype=np.intp),
         np.zeros(0),
-        gaps=tuple(replace(gap, index=int(moved[gap.index])) for gap in gaps),
+        gaps=tuple(_gaps(theta, moved, turned)),
         doubled=int(np.count_nonzero(doubled)),
         still=still,
         turned=tuple(turned),
@@ -270,9 +269,9 @@ def _turned(theta: Array) -> list[int]:
     return [extreme + 1 for extreme in reversals(way, jitter)[0]]
 
 
-def _gaps(theta: Array, turned: Flags) -> list[Gap]:
-    """Steps too long for their neighbours, and long steps back, of angles that all differ from the one before."""
-    steps = np.diff(theta)
+def _gaps(theta: Array, moved: Integers, turned: list[int]) -> list[Gap]:
+    """Steps too long for their neighbours, and long steps back, of the samples whose angle is not the one before."""
+    steps = np.diff(theta[moved])
     size = np.abs(steps)
     if size.size < NEAR:
         return []
@@ -285,9 +284,9 @@ def _gaps(theta: Array, turned: Flags) -> list[Gap]:
     gaps = []
     for i in np.flatnonzero(ratio > (BOUNDS.even_gap if even else BOUNDS.uneven_gap) * (1 + 1e-9)).tolist():
         sense = np.sign(np.delete(steps[max(i - 3, 0) : i + 4], min(i, 3))).sum()
-        back = sense * steps[i] < 0 and not turned[i + 1]
+        back = sense * steps[i] < 0 and moved[i + 1] not in turned
         span, samples = (-float(size[i]), 0) if back else (float(size[i] - usual[i]), round(ratio[i]) - 1)
-        gaps.append(Gap(i + 1, float(theta[i]), span, samples))
+        gaps.append(Gap(int(moved[i + 1]), float(theta[moved[i]]), span, samples))
     return gaps
 
 
