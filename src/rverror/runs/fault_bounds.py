@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from rverror.base.arrays import Array
 
@@ -135,8 +136,7 @@ def blockwise(values: Array, size: int, measure: Callable[[Array], Array]) -> tu
         one = float(measure(values[None])[0])
         return np.full(values.size, one), one
     blocks = measure(values[: count * size].reshape(count, size))
-    wide = np.pad(blocks, 1, mode="edge")
-    largest = np.maximum(np.maximum(wide[:-2], wide[1:-1]), wide[2:])
+    largest = scipy.ndimage.maximum_filter1d(blocks, 3, mode="nearest")
     return largest[np.minimum(np.arange(values.size) // size, count - 1)], float(np.median(blocks))
 
 

@@ -297,7 +297,6 @@ def _score(size: Array, usual: Array, able: Flags, floor: float, bound: float) -
 
 def _largest_near(change: Array, width: int) -> Array:
     """Largest change from one sample to the next near k, but for those from k - 1 to k + width."""
-    reach = NEAR - 1
-    padded = np.pad(change, (reach, reach + width))
-    offsets = (*range(-reach, 0), *range(width + 1, width + reach + 1))
-    return np.asarray(np.max([padded[reach + o : reach + o + change.size] for o in offsets], axis=0))
+    near = np.repeat([True, False, True], [NEAR - 1, width + 1, NEAR - 1])
+    found: Array = scipy.ndimage.maximum_filter(change, footprint=near, mode="constant", origin=-((width + 1) // 2))
+    return found
