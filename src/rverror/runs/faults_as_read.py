@@ -256,9 +256,7 @@ def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]
         sense, half = np.sign(mean), 0.5 * np.abs(mean)
         # A kink is predicted from one of its sides, and so is a slip.
         alone = np.min([sense * by_before, sense * by_after, sense * excess], axis=(0, 1)) > half
-        score = _score(mean, mean + cleaned, alone, floor, BOUNDS.certain)
-        better = score > best[first]
-        best[first][better] = score[better]
+        best[first] = np.maximum(best[first], _score(mean, mean + cleaned, alone, floor, BOUNDS.certain))
     return set(peaks(best, 0.0, NEAR))
 
 
@@ -270,8 +268,7 @@ def _steps(sides: Sides, values: Array, floor: float) -> list[LevelStep]:
     smooth = _apart(change, (5,))
     clean = values - np.cumsum(np.where(np.isnan(smooth), 0.0, change - smooth))
     clean_fits = sides.fitted(clean)
-    best = np.zeros(sides.size)
-    step_at: dict[int, tuple[int, float]] = {}
+    best, sizes, widths = np.zeros(sides.size), np.zeros(sides.size), np.zeros(sides.size, dtype=np.intp)
     for width in range(WIDEST_SLIP + 1):
         (k, size), (_, usual) = sides.steps(fits, width), sides.steps(clean_fits, width)
         # The change has to be as sudden as none near it: gear error rises over several samples.
@@ -279,13 +276,12 @@ def _steps(sides: Sides, values: Array, floor: float) -> list[LevelStep]:
         sudden = rise > np.maximum(2 * (width + 1) * _largest_near(np.abs(change), width)[k], 0.5 * np.abs(size))
         score = _score(size, usual, sudden, floor, _DOUBTFUL)
         better = score > 1.1 * best[k]  # the narrower one unless the wider is clearly better
-        best[k[better]] = score[better]
-        step_at |= {int(i): (width, float(value)) for i, value in zip(k[better], size[better], strict=True)}
-    found = []
-    for first in peaks(best, 0.0, 2 * NEAR):
-        width, this = step_at[first]
-        found.append(LevelStep(first, first + width, this, abs(this) / float(best[first])))
-    return found
+        at = k[better]
+        best[at], sizes[at], widths[at] = score[better], size[better], width
+    return [
+        LevelStep(first, first + int(widths[first]), float(sizes[first]), abs(float(sizes[first])) / float(best[first]))
+        for first in peaks(best, 0.0, 2 * NEAR)
+    ]
 
 
 def _score(size: Array, usual: Array, able: Flags, floor: float, bound: float) -> Array:
