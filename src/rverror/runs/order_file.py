@@ -304,11 +304,10 @@ def orders_from_arrays(
     for name, value in conditions.items():
         if value is None:
             continue
-        if isinstance(value, str) or np.ndim(getattr(value, "magnitude", value)) == 0:
-            with refusing(f"{_MADE}: {_ATTRIBUTES[name]}: "):
-                stated[name] = (units.to_core(value, DIMENSIONS[name]), "all rows")
-        else:
+        if np.ndim(getattr(value, "magnitude", value)):
             columns[name] = row(_ATTRIBUTES[name], value, DIMENSIONS[name])
+        else:
+            stated[name] = units.named_core(f"{_MADE}: {_ATTRIBUTES[name]}", value, DIMENSIONS[name]), "all rows"
     with refusing(f"{_MADE}: "):
         signs = direction_signs(direction)
     if signs.ndim:
