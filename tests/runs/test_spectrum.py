@@ -99,12 +99,11 @@ def test_left_over_samples_are_left_out(over: int) -> None:
 @pytest.mark.parametrize("turns", [1, 3])
 @pytest.mark.parametrize("covered", [0.3, 1.0, 1.5, 1.98])
 @pytest.mark.parametrize("uneven", [False, True])
-def test_fewer_than_two_periods_are_refused(covered: float, turns: int, uneven: bool) -> None:
+def test_fewer_than_two_periods_are_none(covered: float, turns: int, uneven: bool) -> None:
     theta = even(500, covered, turns=turns)
     if uneven:
         theta = theta + 1e-3 * np.sin(3 * theta)
-    with pytest.raises(ValueError, match=rf"needs two whole periods of {turns} turns?: measure at least {2 * turns}$"):
-        revolutions(theta, np.zeros(theta.size), turns=turns)
+    assert revolutions(theta, np.zeros(theta.size), turns=turns) is None
 
 
 @pytest.mark.parametrize("turns", [1, 3])

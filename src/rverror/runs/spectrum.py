@@ -17,8 +17,8 @@ _MOST_MULTIPLE = 30
 _SAMPLED = 0.95  # of the Nyquist order: a wave of nearly two samples is a beat that uneven steps tear apart
 
 
-def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, Array]:
-    """Cut a run into whole periods.
+def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, Array] | None:
+    """Cut a run into whole periods, two or more; None where there are fewer.
 
     Samples that already lie on an even grid that fits the period are only reshaped; others are interpolated linearly
     onto one of as many points.
@@ -38,11 +38,6 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, 
         Nominal output angle of the first period, rad, growing.
     values : ndarray, shape (periods, n)
         The signal of each period; samples beyond the last whole one are left out.
-
-    Raises
-    ------
-    ValueError
-        If there are not two whole periods.
     """
     order = np.argsort(theta, kind="stable")
     angle, signal = theta[order], values[order]
@@ -50,10 +45,7 @@ def revolutions(theta: Array, values: Array, *, turns: int = 1) -> tuple[Array, 
     step = (angle[-1] - angle[0]) / (angle.size - 1)
     count = int((angle[-1] - angle[0] + 1.5 * step) / period)
     if count < 2:
-        raise ValueError(
-            f"the run covers {(angle[-1] - angle[0]) / _TURN:.3g} output turns; splitting repeatable error from noise "
-            f"needs two whole periods of {turns} turn{'s' if turns > 1 else ''}: measure at least {2 * turns}"
-        )
+        return None
     points = round(period / step)
     grid = angle[0] + period / points * np.arange(points)
     used = count * points

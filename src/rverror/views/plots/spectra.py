@@ -87,10 +87,10 @@ def run_lines(signal: Signal, mechanism: Mechanism) -> Lines:
 
     The mechanism gives the period; where there are two periods or more, they give the floor.
     """
-    try:
-        theta, periods = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
-    except ValueError:  # fewer than two periods
+    whole = revolutions(signal.theta, signal.values, turns=true_period(mechanism))
+    if whole is None:
         return lines_of(*even_travel(signal.theta, signal.values))
+    theta, periods = whole
     found = lines_of(theta, periods.mean(axis=0))
     count, n = periods.shape
     # a mean of so many periods has so much less variance, and a line two coefficients
