@@ -103,6 +103,18 @@ def test_json_tells_the_model_in_numbers(name, solved):
     assert content["arrays"].keys() == solved[name].arrays.keys() <= ARRAYS.keys()
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_json_tells_how_far_the_closed_form_is_from_the_equilibrium_at_the_same_angles(name, solved):
+    """In reverse the angles of a case fall."""
+    arrays = solved[name].arrays
+    told = json.loads(case_files(solved[name])["case.json"])["closed_form"]["rms_from_equilibrium_arcsec"]
+    if "transmission_error_closed" in arrays:
+        away = arrays["transmission_error_equilibrium"] - arrays["transmission_error_closed"]
+        assert told == pytest.approx(np.std(away) / ARCSEC, rel=1e-5)
+    else:
+        assert told is None
+
+
 def test_json_tells_orders_with_phase():
     """The orders of case.json put together again are the waveform, but for what is too small to be told."""
     case = solve(CASES["disc-pitch"], points=512)

@@ -245,8 +245,8 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
     unit = what.model.mechanism
     assert isinstance(unit, Reducer)
     arrays = case.arrays
-    closed = waveform(arrays, "closed")
-    gap = None if closed is None else float(np.std(arrays["transmission_error_equilibrium"] - closed))
+    closed, loaded = (waveform(arrays, method) for method in ("closed", "equilibrium"))
+    gap = None if closed is None or loaded is None else float(np.std(loaded - closed))
     return {
         "format": FORMAT,
         "name": what.name,
@@ -266,7 +266,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         "phase": "a wave is amplitude * cos(order * theta - phase)",
         "closed_form": _waveform_json(closed)
         | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
-        "equilibrium": _waveform_json(waveform(arrays, "equilibrium"))
+        "equilibrium": _waveform_json(loaded)
         | {"largest_residual": rounded(case.imbalance, DIGITS)},
         "known": [{**one, "method": WORDS[one["method"]]} for one in what.known],
         "arrays": {name: ARRAYS[name] for name in arrays},
