@@ -28,7 +28,7 @@ from rverror.geartrain.kinematics import (
     resisted_motion,
     stated_load,
 )
-from rverror.geartrain.mechanism import Drive, Mechanism, core_torque, doubt_torque
+from rverror.geartrain.mechanism import Drive, Mechanism, doubt_torque
 
 
 def pose(
@@ -38,7 +38,6 @@ def pose(
     direction: Any | None = None,
     time: Any | None = None,
     torque: Any | None = None,
-    load: Any | None = None,
 ) -> Pose:
     """Nominal motion of a mechanism, with the geometry of every contact where it is a reducer.
 
@@ -51,10 +50,9 @@ def pose(
         One for all samples, or one for each; read from the angles where left out.
     time : array_like or quantity, shape (n,), optional
         Time of each sample, s.
-    torque : float or quantity, optional
-        Size of the load torque at the output, N*mm; needed by ``load.torsion``.
-    load : array_like, quantity or callable, optional
-        In place of the torque: at each angle, positive where it resists forward motion, or a function of the angle.
+    torque : float, str, quantity, array_like or callable, optional
+        Size of the load torque at the output, N*mm; needed by ``load.torsion``.  Or a torque at each angle, positive
+        where it resists forward motion, or a function of the angle.
 
     Returns
     -------
@@ -67,26 +65,15 @@ def pose(
         If the angles are not a row of finite numbers or the direction is no direction.
     """
     if isinstance(theta, OperatingConditions):
-        if not direction is time is torque is load is None:
+        if not direction is time is torque is None:
             raise ValueError("conditions say direction, time and torque themselves; leave these out beside them")
         return motion(mechanism, theta)
-    size = None if torque is None else core_torque(mechanism, torque)
-    if load is not None and not callable(load):
-        doubt_torque(mechanism, load)
-    return _placed(mechanism, _checked(theta, direction, time=time, torque=size, load=load))
-
-
-def torque_or_load(torque: Any | None) -> dict[str, Any]:
-    """What a user gives as torque, as `pose` takes it: one size, or a load over the angle.
-
-    Examples
-    --------
-    >>> sorted(torque_or_load("20 N*m")), sorted(torque_or_load([20e3, -20e3]))
-    (['torque'], ['load'])
-    """
-    size: Any = getattr(torque, "magnitude", torque)
-    many = callable(torque) or np.ndim(size) > 0
-    return {"load" if many else "torque": torque}
+    number: Any = getattr(torque, "magnitude", torque)
+    over_angle = callable(torque) or np.ndim(number) > 0
+    if torque is not None and not callable(torque):
+        doubt_torque(mechanism, torque)
+    size, load = (None, torque) if over_angle else (torque, None)
+    return _placed(mechanism, theta=theta, direction=direction, time=time, torque=size, load=load)
 
 
 def motion(mechanism: Mechanism, conditions: OperatingConditions) -> Pose:
@@ -101,15 +88,13 @@ def motion(mechanism: Mechanism, conditions: OperatingConditions) -> Pose:
     -------
     Pose
     """
-    same = {field.name: getattr(conditions, field.name) for field in fields(OperatingConditions)}
-    checked = _checked(**{name: same[name] for name in ("theta", "direction", "time", "torque", "load")})
-    return _placed(mechanism, {**same, **checked})
+    return _placed(mechanism, **{field.name: getattr(conditions, field.name) for field in fields(OperatingConditions)})
 
 
-def _checked(
-    theta: Any, direction: Any | None, *, time: Any | None, torque: Any | None, load: Any | None
-) -> dict[str, Any]:
-    """Conditions in core units, with one direction per angle, and refused where nothing can be at them."""
+def _placed(
+    mechanism: Mechanism, *, theta: Any, direction: Any, time: Any, torque: Any, load: Any, **more: Any
+) -> Pose:
+    """Pose in core units, with one direction and load per angle, and refused where nothing can be at them."""
     angle = np.atleast_1d(units.to_core_array(theta, "angle"))
     if angle.ndim != 1 or angle.size == 0:
         raise ValueError(f"theta has the shape {angle.shape}; give a row of one or more angles")
@@ -122,20 +107,14 @@ def _checked(
     for name, row in (("direction", sense), ("time", clock), ("torque", load)):
         if row is not None and row.shape not in ((), angle.shape):
             raise ValueError(f"{name} has the shape {row.shape}; give one value per angle, {angle.shape}")
-    return {
-        "theta": angle,
-        "direction": np.array(np.broadcast_to(sense, angle.shape)),
-        "time": clock,
-        "torque": None if torque is None else units.to_core(torque, "torque"),
-        "load": None if load is None else np.array(np.broadcast_to(load, angle.shape)),
-    }
-
-
-def _placed(mechanism: Mechanism, same: dict[str, Any]) -> Pose:
+    sense = np.array(np.broadcast_to(sense, angle.shape))
+    load = None if load is None else np.array(np.broadcast_to(load, angle.shape))
+    size = None if torque is None else units.named_core("torque", torque, "torque")
+    same = {"theta": angle, "direction": sense, "time": clock, "torque": size, "load": load, **more}
     if isinstance(mechanism, Drive):
         return DrivePose(ratio=mechanism.ratio, drive=mechanism, **same)
     reducer = mechanism
-    turns = {part: order * same["theta"] for part, order in frame_orders(reducer).items()}
+    turns = {part: order * angle for part, order in frame_orders(reducer).items()}
     phases = 2 * np.pi * np.arange(reducer.discs) / reducer.discs
     eccentric = turns["crank"] + phases[:, None]
     position = turns["carrier"] + (2 * np.pi * np.arange(reducer.cranks) / reducer.cranks)[:, None]
@@ -144,7 +123,7 @@ def _placed(mechanism: Mechanism, same: dict[str, Any]) -> Pose:
         ratio=reducer.ratio,
         reducer=reducer,
         turns=turns,
-        sense=frame_orders(reducer)["carrier"] * resisted_motion(same["direction"], same["load"]),
+        sense=frame_orders(reducer)["carrier"] * resisted_motion(sense, load),
         eccentric=eccentric,
         crank_position=position,
         pin_normal=normal,

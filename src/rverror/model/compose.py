@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.errors import check_kind
 from rverror.geartrain.action_line import ContactForces, project, project_all
-from rverror.geartrain.contacts import closed_form_forces, pose, torque_or_load
+from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Pose, whole_turn
 from rverror.geartrain.mechanism import Drive, Mechanism, Reducer
 from rverror.geartrain.source import IndexValue
@@ -78,7 +78,7 @@ def influence(
     entry = source(key)
     entry.check_indices(mechanism, indices)
     angles = whole_turn(mechanism, entry.orders(mechanism, indices)) if theta is None else theta
-    motion = pose(mechanism, angles, direction=direction, time=time, **torque_or_load(torque))
+    motion = pose(mechanism, angles, direction=direction, time=time, torque=torque)
     matrix = source_matrix(motion, closed_form_forces(motion) if forces is None else forces, key, indices)
     return Influence(matrix, tuple(p.name for p in entry.parameters), motion.theta, key)
 
@@ -146,7 +146,7 @@ def transmission_error(
     >>> bool(np.allclose(te, -3 / 121 / 2 * 0.004))
     True
     """
-    rows = _influences(model, theta, forces, direction=direction, time=time, **torque_or_load(torque))
+    rows = _influences(model, theta, forces, direction=direction, time=time, torque=torque)
     return np.asarray(effect_values(model.effects) @ np.concatenate(rows), dtype=np.float64)
 
 
@@ -188,7 +188,7 @@ def transmission_error_by_effect(
     >>> bool(np.allclose(parts.sum(axis=0), transmission_error(unit, theta)))
     True
     """
-    rows = _influences(model, theta, forces, direction=direction, time=time, **torque_or_load(torque))
+    rows = _influences(model, theta, forces, direction=direction, time=time, torque=torque)
     parts = [np.array(effect.values) @ part for effect, part in zip(model.effects, rows[1:], strict=True)]
     return np.array(parts, dtype=np.float64).reshape(len(parts), rows[0].shape[1])
 

@@ -20,7 +20,7 @@ from rverror.base.arrays import Array
 from rverror.base.threads import each
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
-from rverror.geartrain.contacts import motion, pose, torque_or_load
+from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
 from rverror.model.effects import Effect, Model, check_model
@@ -214,7 +214,7 @@ def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, O
     unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
     if conditions["torque"] is None and not isinstance(angles, OperatingConditions):
         conditions["torque"] = unit.rated_torque
-    where = stand(model, pose(unit, angles, **{**conditions, "torque": None, **torque_or_load(conditions["torque"])}))
+    where = stand(model, pose(unit, angles, **conditions))
     assert isinstance(where.gears, Contacts)
     read = {field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
     return replace(statics_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)

@@ -22,7 +22,7 @@ from rverror.base.threads import each
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
-from rverror.geartrain.contacts import pose, torque_or_load
+from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueLaw
@@ -141,8 +141,8 @@ class LoadedTurn:
     ) -> LoadedTurn:
         """Lay out a turn; `reads` tells whether what only misreads the output counts."""
         theta = 2 * np.pi * np.arange(angles) / angles
-        load = torque_or_load(torque if callable(torque) else InCore(torque))
-        where = stand(model, pose(model.mechanism, theta, direction=direction, **load))
+        load = torque if callable(torque) else InCore(torque)
+        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=load))
         assert isinstance(where.gears, Contacts)
         statics, count = statics_along(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}

@@ -20,7 +20,7 @@ from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer, core_torque
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix, transmission_error
@@ -189,9 +189,9 @@ def stack(
     every = [(item.key, indices) for item in tolerances for indices in item.instances(model.mechanism)]
     if input_speed is None:
         theta = 2 * np.pi * np.arange(ANGLES) / ANGLES if theta is None else theta
-        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=torque))
+        load = None if torque is None else units.InCore(core_torque(model.mechanism, torque))
+        where = stand(model, pose(model.mechanism, theta, direction=direction, torque=load))
         forces = closed_form_forces(where.gears)
-        load = None if where.read.torque is None else units.InCore(where.read.torque)
         nominal = transmission_error(model, where.read.theta, direction=direction, torque=load, forces=forces)
         angles, rounding = where.read.theta, _ROUNDING
         sources = (source_matrix(where.of(key), forces, key, indices) for key, indices in every)
