@@ -3,7 +3,6 @@
 
 import os as _os
 import sys as _sys
-from functools import partial as _partial
 from typing import TYPE_CHECKING
 
 # before numpy, which reads it
@@ -11,7 +10,7 @@ from rverror.base.threads import one_for_a_diagnosis as _one_for_a_diagnosis
 
 _one_for_a_diagnosis(_os.environ, _sys.orig_argv, _sys.modules)
 
-from rverror.base import lazy as _lazy
+from rverror.base.lazy import attach as _attach
 
 # The names of a first program, and the rooms, whose names are `rverror.statics.linearise` and the like.  Each is loaded
 # when it is first asked for: making the classes of all results takes longer than numpy.
@@ -71,4 +70,4 @@ else:
         "costs": "tolerances.cost",
         "distributions": "tolerances.distribution",
     }
-    __getattr__, __dir__ = _lazy.attach(__name__, _partial(_lazy.moved, renamed=_RENAMED))
+    __getattr__, __dir__ = _attach(__name__, renamed=_RENAMED)

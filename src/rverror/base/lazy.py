@@ -124,7 +124,7 @@ def moved(package: str, name: str, *, renamed: Mapping[str, str]) -> Any:
 
 
 def attach(
-    package: str, find: Callable[[str, str], Any] = found
+    package: str, renamed: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Make a package's ``__getattr__`` and ``__dir__``.
 
@@ -132,8 +132,8 @@ def attach(
     ----------
     package : str
         Its full name, ``__name__``.
-    find : callable, optional
-        Of package and name what the name stands for, as `found` does.
+    renamed : mapping of str to str, optional
+        As for `moved`, which then finds the names.
 
     Returns
     -------
@@ -142,4 +142,5 @@ def attach(
     names : callable
         ``__dir__``: every public name, those of modules too.
     """
+    find = found if renamed is None else functools.partial(moved, renamed=renamed)
     return functools.partial(find, package), lambda: sorted(places(package))

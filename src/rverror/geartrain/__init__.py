@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from rverror.base.lazy import attach, moved
+from rverror.base.lazy import attach
 
 if TYPE_CHECKING:
     from rverror.geartrain.action_line import ErrorVector as ErrorVector
@@ -28,6 +28,4 @@ if TYPE_CHECKING:
     from rverror.geartrain.source import Index as Index, Parameter as Parameter, Source as Source
     from rverror.geartrain.torque_over_turn import GravityArm as GravityArm
 else:
-    from functools import partial
-
-    __getattr__, __dir__ = attach(__name__, partial(moved, renamed={"Conditions": "OperatingConditions"}))
+    __getattr__, __dir__ = attach(__name__, renamed={"Conditions": "OperatingConditions"})
