@@ -1,4 +1,4 @@
-"""Numbers for people and for other programs: so many digits, a unit, an interval, a count, the word for a direction."""
+"""Numbers for people and for other programs: so many digits, a unit, a count, the word for a direction."""
 
 from __future__ import annotations
 
@@ -41,17 +41,6 @@ def at_input_speed(speed: float | None) -> str:
     ' at 600 rpm'
     """
     return "" if speed is None else f" at {with_unit(speed, 'angular_speed')}"
-
-
-def interval(value: float, *, low: float, high: float, size: float = ARCSEC) -> str:
-    """Value with its interval, in units of a size: arcsec where left out.
-
-    Examples
-    --------
-    >>> interval(20 * ARCSEC, low=19.5 * ARCSEC, high=21 * ARCSEC)
-    '20 [19.5, 21]'
-    """
-    return f"{value / size:.4g} [{low / size:.4g}, {high / size:.4g}]"
 
 
 def rounded(value: float | None, digits: int = 6) -> float | None:

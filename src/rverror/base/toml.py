@@ -171,15 +171,15 @@ class TomlText:
             self.refuse((*place, key), f"{key} = {shown(table[key])}: must be {must}")
         return table.get(key, default)
 
-    def string(self, place: KeyPath, table: Table, key: str, default: str = "") -> str:
-        """Text of a key; parameters as of `checked`.
+    def string(self, place: KeyPath, table: Table, key: str) -> str:
+        """Text of a key, empty where there is none; parameters as of `checked`.
 
         Raises
         ------
         InputError
             If the value is no text.
         """
-        return cast(str, self.checked(place, table, key, is_text, f'a text; write {key} = "..." with quotes', default))
+        return cast(str, self.checked(place, table, key, is_text, f'a text; write {key} = "..." with quotes', ""))
 
     def quantity(self, place: KeyPath, value: object, dimension: str, example: str) -> float:
         """Value written as a text with a unit.

@@ -371,9 +371,9 @@ DISC = every("disc", lambda unit: range(unit.discs), lambda mechanism, value: _o
 PIN = every("pin", lambda unit: range(unit.pins), _pins_alike)
 
 
-def around(share: float, ways: int = 6) -> tuple[tuple[float, ...], ...]:
-    """Starts of two components of one size, in so many directions."""
-    angles = [2 * math.pi * way / ways for way in range(ways)]
+def around(share: float) -> tuple[tuple[float, ...], ...]:
+    """Starts of two components of one size, in six directions."""
+    angles = [2 * math.pi * way / 6 for way in range(6)]
     return tuple((share * math.cos(angle), share * math.sin(angle)) for angle in angles)
 
 
