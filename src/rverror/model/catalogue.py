@@ -10,32 +10,30 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from itertools import chain
-from types import MappingProxyType
 
 from rverror.base.errors import check_kind
-from rverror.base.text import did_you_mean
+from rverror.base.text import did_you_mean, shown
 from rverror.geartrain import coupling, crank, cycloid, involute, thermal
 from rverror.geartrain.source import Source
 from rverror.model import compensation, empirical, load, sensor, shaft
 
 _FILES = (involute, crank, cycloid, coupling, thermal, load, sensor, shaft, empirical, compensation)
 
-_OWN: Mapping[str, Source] = MappingProxyType({entry.key: entry for file in _FILES for entry in file.SOURCES})
-_ADDED: ContextVar[Mapping[str, Source]] = ContextVar("sources added by `extended`", default=MappingProxyType({}))
+_OWN = {entry.key: entry for file in _FILES for entry in file.SOURCES}
+_KNOWN: ContextVar[Mapping[str, Source]] = ContextVar("sources, with those of `extended`", default=_OWN)
 
 
 class _Catalogue(Mapping[str, Source]):
     """The package's own sources, then those of the `extended` blocks around the call."""
 
     def __getitem__(self, key: str) -> Source:
-        return _OWN[key] if key in _OWN else _ADDED.get()[key]
+        return _KNOWN.get()[key]
 
     def __iter__(self) -> Iterator[str]:
-        return chain(_OWN, _ADDED.get())
+        return iter(_KNOWN.get())
 
     def __len__(self) -> int:
-        return len(_OWN) + len(_ADDED.get())
+        return len(_KNOWN.get())
 
 
 #: Every error source by key.
@@ -72,16 +70,16 @@ def extended(*sources: Source) -> Iterator[None]:
     >>> "sensor.coupling_offset" in CATALOGUE
     False
     """
-    added = dict(_ADDED.get())
+    known = dict(_KNOWN.get())
     for entry in sources:
-        if entry.key in _OWN or entry.key in added:
+        if entry.key in known:
             raise ValueError(f"{entry.key}: the catalogue has a source of this key; give yours another")
-        added[entry.key] = entry
-    token = _ADDED.set(MappingProxyType(added))
+        known[entry.key] = entry
+    token = _KNOWN.set(known)
     try:
         yield
     finally:
-        _ADDED.reset(token)
+        _KNOWN.reset(token)
 
 
 def source(key: str) -> Source:
@@ -106,10 +104,9 @@ def source(key: str) -> Source:
     >>> source("cycloid.disc_pitch").frame
     'disc'
     """
-    if isinstance(key, str) and (entry := _OWN.get(key)) is not None:
-        return entry
     check_kind("key", key, str, "give a key of the catalogue, such as 'crank.eccentricity'")
-    if key not in CATALOGUE:
+    entry = _KNOWN.get().get(key)
+    if entry is None:
         hint = did_you_mean(key, CATALOGUE) or " `rverror sources` lists them"
-        raise ValueError(f"no error source {key!r};{hint}")
-    return CATALOGUE[key]
+        raise ValueError(f"no error source {shown(key)};{hint}")
+    return entry

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, TypeVar, cast
 
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
-from rverror.base.text import PathLike, check_path, did_you_mean, read_text, shown, write_file
+from rverror.base.text import PathLike, check_path, read_text, write_file
 from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
 from rverror.geartrain.mechanism import (
     BearingPreload,
@@ -27,8 +27,8 @@ from rverror.geartrain.mechanism import (
     presets,
     reducer,
 )
-from rverror.geartrain.source import Parameter, Source
-from rverror.model.catalogue import CATALOGUE, source
+from rverror.geartrain.source import Source
+from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
 from rverror.model.ends import Bench, Encoders
 
@@ -219,10 +219,8 @@ def source_of(where: TomlText, place: KeyPath, table: Mapping[str, Any]) -> Sour
         example = 'key = "crank.eccentricity", or another key of the catalogue'
         where.refuse(place, f"[[{place[0]}]] lacks key; write {example}")
     key = where.string(place, table, "key")
-    if key not in CATALOGUE:
-        hint = did_you_mean(key, CATALOGUE)
-        where.refuse((*place, "key"), f"no error source {shown(key)};{hint or ' `rverror sources` lists them'}")
-    return source(key)
+    with where.refusing((*place, "key")):
+        return source(key)
 
 
 def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism: Mechanism) -> Effect:
@@ -321,7 +319,7 @@ def _effect_text(item: Effect) -> str:
     for index in entry.indices:
         value = item.indices[index.name]
         lines.append(f"{index.name} = {value if isinstance(value, int) else quoted(value)}")
-    pairs: Iterable[tuple[Parameter, float]] = zip(entry.parameters, item.values, strict=True)
+    pairs = zip(entry.parameters, item.values, strict=True)
     lines += [f"{parameter.name} = {_written(value, parameter.dimension)}" for parameter, value in pairs]
     if item.uncertainty is not None:
         lines.append(f"uncertainty = {_written(item.uncertainty, entry.parameters[0].dimension)}")
