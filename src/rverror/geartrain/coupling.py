@@ -6,18 +6,16 @@ import numpy as np
 
 from rverror.base.arrays import Array, only, radial_and_tangential
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
-from rverror.geartrain.kinematics import fundamental_orders
-from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import (
     CRANK,
     OPENS,
-    Indices,
     Orders,
     Source,
     around,
     bearing_compliance_orders,
     bore_orders,
     chosen,
+    clearance_orders,
     compliances,
     leads,
     lengths,
@@ -142,11 +140,6 @@ def _with_one_disc(orders: Orders) -> Orders:
     return lambda mechanism, indices: orders(mechanism, indices) if rv(mechanism).discs == 1 else ()
 
 
-def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    unit = rv(mechanism)
-    return (unit.cranks * fundamental_orders(unit)["bearing"],)
-
-
 SOURCES = (
     Source(
         CARRIER_BORE, carrier_bore_position, (CRANK,),
@@ -158,7 +151,7 @@ SOURCES = (
     ),
     Source(
         BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
-        "bearing", _with_one_disc(_clearance_orders), "000, outlook; 004, tables 2 and 4",
+        "bearing", _with_one_disc(clearance_orders), "000, outlook; 004, tables 2 and 4",
         "radial clearance of all crank bearings in the carrier",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_j \lambda_j$",

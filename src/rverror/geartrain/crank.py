@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rverror.base.arrays import Array, dot, only
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
-from rverror.geartrain.kinematics import fundamental_orders
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import (
     CRANK,
     DISC,
     EITHER_WAY,
     OPENS,
-    Indices,
     Source,
     angles,
     bearing_compliance_orders,
     chosen,
+    clearance_orders,
     compliances,
     constant,
     leads,
     lengths,
     or_all,
-    rv,
 )
 
 BEARING_CLEARANCE, ECCENTRICITY = "crank.bearing_clearance", "crank.eccentricity"
@@ -189,12 +185,6 @@ def index(contacts: Contacts, *, crank: int) -> ErrorVector:
     return ErrorVector(contact="spline", vector=np.ones((1, 1, 2, 1, 1)), at=(only(crank),))
 
 
-def _clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    """All cam forces turn alike but for their phases: only common multiples of cranks and discs stay."""
-    unit = rv(mechanism)
-    return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
-
-
 SOURCES = (
     Source(
         ECCENTRICITY, eccentricity, (CRANK, DISC), lengths(30, "radial", "tangential"),
@@ -203,7 +193,7 @@ SOURCES = (
     ),
     Source(
         BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
-        "bearing", _clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
+        "bearing", clearance_orders, "000, outlook; 004, tables 2 and 4", "radial clearance of all cam bearings",
         starts=OPENS,
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
     ),

@@ -223,7 +223,6 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
     >>> orders["housing"], orders["disc"], orders["sun"]
     (39.0, 40.0, 120.0)
     """
-    check_kind("reducer", reducer, Reducer, "give reducer('RV-40E') or model.mechanism")
     turns = frame_orders(reducer)
     relative = abs(turns["crank"] - turns["carrier"])
     return {

@@ -435,6 +435,12 @@ def pin_wave_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]
     return (min(kept) * fundamental_orders(unit)["housing"],) if kept else ()
 
 
+def clearance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
+    """All bearing forces turn alike but for their phases: only common multiples of cranks and discs stay."""
+    unit = rv(mechanism)
+    return (math.lcm(unit.cranks, unit.discs) * fundamental_orders(unit)["bearing"],)
+
+
 def bearing_compliance_orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
     """All bearings of a crank, a disc or the carrier even the turning force out but for the ripple of the pins."""
     return pin_wave_orders(mechanism, {}) if "all" in indices.values() else bore_orders(mechanism, {})

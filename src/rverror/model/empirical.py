@@ -13,7 +13,7 @@ from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector, output_wave
 from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, rv
+from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, leads
 
 
 def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
@@ -99,7 +99,7 @@ def _angle(pose: Pose, frame: str, harmonic: int) -> Array:
 
 
 def _orders(mechanism: Mechanism, indices: Indices) -> tuple[float, ...]:
-    return (int(indices["harmonic"]) * fundamental_orders(rv(mechanism))[str(indices["frame"])],)
+    return leads(str(indices["frame"]))(mechanism, indices)
 
 
 _FRAME = every("frame", lambda unit: tuple(fundamental_orders(unit)))
