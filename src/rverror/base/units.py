@@ -59,7 +59,9 @@ DISPLAY_UNITS = {dimension: shown for dimension, (shown, _) in EVERYDAY.items()}
 #: Torques as people write them: pint takes "Nm" for a number of metres.
 _NEWTON_METRE = re.compile(r"(?<![A-Za-z])([kM]?N)[ ·⋅.]?(mm|cm|m)(?![A-Za-z])")
 
-_LARGEST_ANGLE = 1e4  # rad in one unit
+#: Root units of what is made of angles, which have no dimension: counts and percent would pass for rad, Hz for rad/s.
+_OF_ANGLES = {"angle": "radian", "angular_speed": "radian / second"}
+_LARGEST_ANGLE = 1e4  # rad in one unit: 'Grad' would pass for a thousand million of them
 
 # Without the unit: a pattern for both would try every split of a long text that has none.
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -104,20 +106,13 @@ def _checked_unit(unit: str, dimension: str) -> Any:
     if not parsed.is_compatible_with(CORE_UNITS[dimension]):
         raise ValueError(_no_unit(repr(unit), dimension))
     _refuse_own_zero(parsed, dimension, unit)
-    if dimension == "angle":
-        _refuse_bare_number(parsed, unit)
-    if dimension == "angular_speed" and "radian" not in str(_registry().Quantity(1.0, parsed).to_root_units().units):
-        raise ValueError(_no_unit(repr(unit), dimension))  # a Hz would silently be 1 rad/s
+    if dimension in _OF_ANGLES:
+        root = _registry().Quantity(1.0, parsed).to_root_units()
+        if str(root.units) != _OF_ANGLES[dimension]:
+            raise ValueError(_no_unit(repr(unit), dimension))
+        if dimension == "angle" and root.magnitude > _LARGEST_ANGLE:
+            raise ValueError(f"{unit!r} is {root.magnitude:.3g} rad; write 'deg' for degrees")
     return parsed
-
-
-def _refuse_bare_number(unit: Any, written: str) -> None:
-    """Angles have no dimension, so counts and percent would pass for rad, and 'Grad' for a thousand million of them."""
-    root = _registry().Quantity(1.0, unit).to_root_units()
-    if str(root.units) != "radian":
-        raise ValueError(f"{written!r} is no unit of angle; use one like {DISPLAY_UNITS['angle']!r}")
-    if root.magnitude > _LARGEST_ANGLE:
-        raise ValueError(f"{written!r} is {root.magnitude:.3g} rad; write 'deg' for degrees")
 
 
 def _no_unit(unit: str, dimension: str) -> str:
