@@ -19,6 +19,7 @@ from rverror.app.terminal import (
     duty_phases,
     number,
     option,
+    refuse_given,
     results,
     save,
     save_with,
@@ -96,9 +97,7 @@ def _efficiency(options: argparse.Namespace) -> None:
     theta = _turn(options)
     if options.phase:
         return _of_cycle(options, theta)
-    for name in (*_HEAT, "lubricant", "save"):
-        if getattr(options, name) is not None:
-            raise InputError(f"--{name.replace('_', '-')}: for a duty cycle only; give its phases with --phase")
+    refuse_given(options, (*_HEAT, "lubricant", "save"), "for a duty cycle only; give its phases with --phase")
     model, unit = _loaded(options)
     found: list[Efficiency] = []
     for torque in options.torque or [_rated(options, unit)]:
@@ -115,8 +114,7 @@ def _efficiency(options: argparse.Namespace) -> None:
 
 def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     """Efficiency of the phases of a duty, each at its speed and the temperature that its losses make."""
-    if options.torque:
-        raise InputError("--torque: the phases of a duty have theirs; give --phase alone")
+    refuse_given(options, ["torque"], "the phases of a duty have theirs; give --phase alone")
     phases = duty_phases(options.phase)
     heat: dict[str, Any] = {name: size for name in _HEAT if (size := getattr(options, name)) is not None}
     if options.lubricant:

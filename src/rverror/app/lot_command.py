@@ -17,6 +17,7 @@ from rverror.app.terminal import (
     command,
     number,
     option,
+    refuse_given,
     results,
     save,
     say_replaced,
@@ -79,11 +80,9 @@ def _lot(options: argparse.Namespace) -> None:
         raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")
     model = load_model(options.model)
     drive = isinstance(model.mechanism, Drive)
-    for name in ("tolerances", "save") if drive else ():
-        if getattr(options, name) is not None:
-            raise InputError(
-                f"--{name}: {options.model} is of a drive, whose lot has orders and no processes; leave it out"
-            )
+    if drive:
+        unused = f"{options.model} is of a drive, whose lot has orders and no processes; leave it out"
+        refuse_given(options, ("tolerances", "save"), unused)
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
     inputs = lot_inputs(options.parts, model, given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it

@@ -341,6 +341,13 @@ def quantity(option: str, text: str, dimension: str, *, example: str, least: flo
     return value
 
 
+def refuse_given(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """Refuse options that are given and would not be used."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
+
+
 def made_of(kind: Callable[..., T], option: str, text: str, names: Sequence[str], *, example: str) -> T:
     """What an option says with commas between its sizes, which the kind takes by these names and checks."""
     parts, (*first, last) = text.split(","), names

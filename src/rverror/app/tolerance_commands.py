@@ -17,6 +17,7 @@ from rverror.app.terminal import (
     number,
     option,
     quantity,
+    refuse_given,
     results,
     save,
     say_replaced,
@@ -105,11 +106,11 @@ def _budget(options: argparse.Namespace) -> None:
     """
     model, tolerances = _read(options)
     if options.speed is not None:
-        _refuse(options, _AT_LOAD, "units under load stand still; leave it out, or leave out --speed")
+        refuse_given(options, _AT_LOAD, "units under load stand still; leave it out, or leave out --speed")
     at_load = options.speed is None and any(_given(options, name) for name in ("at", *_AT_LOAD))
     if not at_load:
         unused = "no unit is solved under load; leave it out, or give --at '20 N*m'"
-        _refuse(options, ("yield", "loaded_units"), unused)
+        refuse_given(options, ("yield", "loaded_units"), unused)
     limits = limits_of(options, model) if at_load else ()
     with ProgressLine() as progress:
         found = error_budget(
@@ -170,7 +171,7 @@ def _allocated_at_load(
         if not any(_given(options, name) for name in _LIMITED):
             raise InputError("no limit; give --limit '60 arcsec', --lost-motion, --backlash or --stiffness")
         unused = "loads of the transmission error, which has no limit; give --limit '60 arcsec' as well"
-        _refuse(options, ("at", "arm"), unused)
+        refuse_given(options, ("at", "arm"), unused)
     return allocate_at_load(
         model,
         tolerances,
@@ -188,7 +189,7 @@ def _allocated_in_closed_form(
     unused = f"the closed form knows no load; leave it out, or leave out --kind {options.kind}"
     if not isinstance(model.mechanism, Reducer):
         unused = "a [drive] has no contacts to be loaded; leave it out"
-    _refuse(options, _AT_LOAD if options.speed is not None else ("at", *_AT_LOAD), unused)
+    refuse_given(options, _AT_LOAD if options.speed is not None else ("at", *_AT_LOAD), unused)
     if options.limit is None:
         raise InputError("no limit; give --limit '60 arcsec'")
     factors = _FRONT if options.plot else (1.0,)
@@ -212,13 +213,6 @@ def _allocated_in_closed_form(
 
 def _given(options: argparse.Namespace, name: str) -> bool:
     return getattr(options, name, None) is not None
-
-
-def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
-    """Refuse options that are given and would not be used."""
-    for name in names:
-        if _given(options, name):
-            raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
 def limits_of(options: argparse.Namespace, model: Model) -> tuple[Limit, ...]:
