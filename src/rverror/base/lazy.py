@@ -60,8 +60,8 @@ def modules(package: str) -> list[str]:
     return [name for name, (module, _) in places(package).items() if module == package]
 
 
-def found(package: str, name: str) -> Any:
-    """Load what a public name of a package stands for.
+def found(package: str, name: str, *, renamed: Mapping[str, str] | None = None) -> Any:
+    """Load what a public name of a package stands for, or a former name of it.
 
     Parameters
     ----------
@@ -69,35 +69,9 @@ def found(package: str, name: str) -> Any:
         Full name of the package.
     name : str
         The name, or ``__all__``: the names of all that is no module, sorted.
-
-    Returns
-    -------
-    object
-
-    Raises
-    ------
-    AttributeError
-        If the package has no such public name.
-    """
-    if name == "__all__":
-        return sorted(set(places(package)) - set(modules(package)))
-    if name not in places(package):
-        raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
-    module, own = places(package)[name]
-    return import_module(f"{package}.{own}") if module == package else getattr(import_module(module), own)
-
-
-def moved(package: str, name: str, *, renamed: Mapping[str, str]) -> Any:
-    """Load a public name of a package, or a former one: of a name of its modules, or of one that is renamed.
-
-    Parameters
-    ----------
-    package : str
-        Full name of the package.
-    name : str
-        As for `found`.
-    renamed : mapping of str to str
-        By former name what stands in its place, from the package on.
+    renamed : mapping of str to str, optional
+        Of a package that has former names, by former name what stands in its place, from the package on.  Names of its
+        modules are former names too.
 
     Returns
     -------
@@ -113,14 +87,17 @@ def moved(package: str, name: str, *, renamed: Mapping[str, str]) -> Any:
     DeprecationWarning
         If the name is a former one.
     """
-    if name.startswith("_") or name in places(package):
-        return found(package, name)
-    homes = (module for module in modules(package) if name in places(f"{package}.{module}"))
-    now = renamed.get(name) or next((f"{module}.{name}" for module in homes), None)
-    if now is None:
-        return found(package, name)
-    warn_former(f"{package}.{name}", f"{package}.{now}")
-    return functools.reduce(getattr, now.split("."), sys.modules[package])
+    if name == "__all__":
+        return sorted(set(places(package)) - set(modules(package)))
+    if name in places(package):
+        module, own = places(package)[name]
+        return import_module(f"{package}.{own}") if module == package else getattr(import_module(module), own)
+    if renamed is not None and not name.startswith("_"):
+        homes = (module for module in modules(package) if name in places(f"{package}.{module}"))
+        if now := renamed.get(name) or next((f"{module}.{name}" for module in homes), None):
+            warn_former(f"{package}.{name}", f"{package}.{now}")
+            return functools.reduce(getattr, now.split("."), sys.modules[package])
+    raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
 
 
 def attach(
@@ -133,7 +110,7 @@ def attach(
     package : str
         Its full name, ``__name__``.
     renamed : mapping of str to str, optional
-        As for `moved`, which then finds the names.
+        As for `found`.
 
     Returns
     -------
@@ -142,5 +119,4 @@ def attach(
     names : callable
         ``__dir__``: every public name, those of modules too.
     """
-    find = found if renamed is None else functools.partial(moved, renamed=renamed)
-    return functools.partial(find, package), lambda: sorted(places(package))
+    return functools.partial(found, package, renamed=renamed), lambda: sorted(places(package))
