@@ -13,20 +13,7 @@ from rverror.base.errors import InputError
 from rverror.base.quantities import COUNT, Checked, NumberField, quantities
 from rverror.base.text import PathLike, check_path, read_text, write_file
 from rverror.base.toml import EXAMPLES, KeyPath, TomlText, is_number, is_text, is_whole, quoted, read_toml
-from rverror.geartrain.mechanism import (
-    BearingPreload,
-    ContactLaw,
-    Drive,
-    Friction,
-    Inertia,
-    Mechanism,
-    Reducer,
-    Stiffness,
-    StiffnessUncertainty,
-    preset_parameters,
-    presets,
-    reducer,
-)
+from rverror.geartrain.mechanism import Drive, Mechanism, Reducer, preset_parameters, presets, reducer
 from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model, check_model, effect
@@ -34,14 +21,11 @@ from rverror.model.ends import Bench, Encoders
 
 C = TypeVar("C", bound=Checked)
 
-#: Tables within that of a reducer.
+#: Tables within that of a reducer: its fields that have fields of their own, each with its class.
 _TABLES: Mapping[str, type[Checked]] = {
-    "stiffness": Stiffness,
-    "stiffness_uncertainty": StiffnessUncertainty,
-    "contact_law": ContactLaw,
-    "bearing_preload": BearingPreload,
-    "friction": Friction,
-    "inertia": Inertia,
+    item.name: type(item.default_factory())
+    for item in dataclasses.fields(Reducer)
+    if item.default_factory is not dataclasses.MISSING
 }
 _SIZES = quantities(Reducer)
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
