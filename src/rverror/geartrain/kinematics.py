@@ -228,11 +228,7 @@ def fundamental_orders(reducer: Reducer) -> dict[str, float]:
     return {
         "output": 1.0,
         "housing": abs(turns["crank"]),
-        "carrier": relative,
-        "disc": relative,
-        "crank": relative,
-        "planet": relative,
-        "bearing": relative,
+        **dict.fromkeys(("carrier", "disc", "crank", "planet", "bearing"), relative),
         "sun": abs(turns["sun"] - turns["carrier"]),
         "gear mesh": reducer.planet_teeth * relative,
         "cycloid mesh": reducer.pins * abs(turns["crank"]),

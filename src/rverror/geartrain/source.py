@@ -397,6 +397,11 @@ def compliances(plausible_um_per_kn: float, *names: str) -> tuple[Parameter, ...
     return tuple(Parameter(name, "contact_compliance", plausible_um_per_kn * 1e-6) for name in names)
 
 
+def windups(plausible_arcsec_per_knm: float, *names: str) -> tuple[Parameter, ...]:
+    """Parameters that turn the output in proportion to its torque."""
+    return tuple(Parameter(name, "compliance", plausible_arcsec_per_knm * ARCSEC / 1e6) for name in names)
+
+
 def angles(plausible_arcsec: float, *names: str) -> tuple[Parameter, ...]:
     """Parameters that are angles."""
     return tuple(Parameter(name, "angle", plausible_arcsec * ARCSEC) for name in names)

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector, output_wave
 from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Indices, Parameter, Source, angles, every, harmonics, leads
+from rverror.geartrain.source import Indices, Source, angles, every, harmonics, leads, windups
 
 
 def order(pose: Pose, *, frame: str, harmonic: int) -> ErrorVector:
@@ -123,8 +122,7 @@ BY_DIRECTION = Source(
 )  # fmt: skip
 
 BY_LOAD = Source(
-    "empirical.order_by_load", order_by_load, (_FRAME, harmonics(1, 1), _SENSE),
-    tuple(Parameter(name, "compliance", 60 * ARCSEC / 1e6) for name in ("cos", "sin")),
+    "empirical.order_by_load", order_by_load, (_FRAME, harmonics(1, 1), _SENSE), windups(60, "cos", "sin"),
     "output", _orders, "none: what was measured",
     "an order as measured, in proportion to the load; describes and does not explain",
     acts="output", needs=("torque",), tried=False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import ErrorVector, output_terms, output_wave
 from rverror.geartrain.kinematics import Pose, stated_load
-from rverror.geartrain.source import Parameter, Source, constant, harmonics, input_order, own_order
+from rverror.geartrain.source import Parameter, Source, constant, harmonics, input_order, own_order, windups
 
 
 def torsion(pose: Pose) -> ErrorVector:
@@ -86,19 +86,15 @@ def input_torsion_wave(pose: Pose, *, harmonic: int) -> ErrorVector:
     return output_wave(harmonic * pose.ratio * pose.theta, -stated_load(pose, "load.input_torsion_wave"))
 
 
-_WAVE = 10 * ARCSEC / 1e6
-
 SOURCES = (
     Source(
-        "load.torsion_wave", torsion_wave, (harmonics(1, 6),),
-        tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
+        "load.torsion_wave", torsion_wave, (harmonics(1, 6),), windups(10, "cos", "sin"),
         "output", own_order, "none: a bench's couplings", "compliance beyond the contacts, uneven over a turn",
         acts="output", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = \mp T (c\cos h\theta + s\sin h\theta)$",
     ),
     Source(
-        "load.input_torsion_wave", input_torsion_wave, (harmonics(1, 2),),
-        tuple(Parameter(name, "compliance", _WAVE) for name in ("cos", "sin")),
+        "load.input_torsion_wave", input_torsion_wave, (harmonics(1, 2),), windups(10, "cos", "sin"),
         "sun", input_order, "none: a bench's couplings", "compliance of the input coupling, uneven over its turn",
         acts="output", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = \mp T (c\cos hR\theta + s\sin hR\theta)$",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from rverror.base.arrays import Array, dot, radial_and_tangential
-from rverror.base.units import ARCSEC
 from rverror.geartrain.action_line import Contacts, ErrorVector, output_terms, output_wave
 from rverror.geartrain.cycloid import pin_forces
 from rverror.geartrain.kinematics import Pose, fundamental_orders, stated_load
@@ -21,6 +20,7 @@ from rverror.geartrain.source import (
     input_order,
     own_order,
     rv,
+    windups,
 )
 
 _SPEED_SAMPLES = 5  # on each side, for a speed from angles and times that jitter
@@ -300,8 +300,7 @@ SOURCES = (
         equation=r"$\delta = c\cos h\theta + s\sin h\theta$",
     ),
     Source(
-        "sensor.output_tilt", output_tilt, (),
-        tuple(Parameter(name, "compliance", 10 * ARCSEC / 1e6) for name in ("x", "y")),
+        "sensor.output_tilt", output_tilt, (), windups(10, "x", "y"),
         "housing", _eccentric_order, "measuring chain", "tilt of the output under the discs' couple, read by one head",
         acts="reading", needs=("torque",), tried=False, in_tables=True,
         equation=r"$\delta = T\, (e_x u_x + e_y u_y)$, $u$ the direction in which the pins push the first disc",
