@@ -57,6 +57,16 @@ def test_lines_of_places() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    "value",
+    ["[\n  [1, 2],\n  [3, 4]\n]", "[\n  { a = 1 },\n]  # [b]", "'''\n[b]\n'''", '"""\n]\n\'\'\'\n"""'],
+)
+def test_values_over_several_lines_hold_no_table(value: str) -> None:
+    toml = read_toml("x.toml", f'[drive]\nsizes = {value}\n"a \\"b\\"" = 1\n')
+    after = 3 + value.count("\n")
+    assert toml.lines == {("drive",): 1, ("drive", "sizes"): 2, ("drive", 'a "b"'): after}
+
+
 def test_every_place_with_a_line_is_in_the_content() -> None:
     toml = read_toml("x.toml", TEXT)
     for place in toml.lines:

@@ -28,10 +28,8 @@ EXAMPLES = {
 KeyPath = tuple[str | int, ...]
 Table = Mapping[str, Any]
 
-_BARE_OR_QUOTED = re.compile(r'\s*("(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_-]+)\s*(\.|$)')
-_TABLE_LINE = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
-# Each character fits one way only: a second + on the last choice would try every split of a line without "=".
-_KEY_LINE = re.compile(r'((?:"(?:[^"\\]|\\.)*"|\'[^\']*\'|[A-Za-z0-9_.\s-])+)=(.*)$')
+#: How the last line of a value over several lines ends: only there is it tried whether it is complete.
+_END_OF_VALUE = re.compile(r"(?:[]}]|\"\"\"|''')\s*(?:#.*)?$")
 _LOOSE_QUANTITY = re.compile(r"\s*([\w.\"-]+)\s*=\s*([-+.\w]*\d\s*[A-Za-z*/][\w*/]*+)\s*(#.*)?$")
 
 
@@ -265,50 +263,33 @@ def _syntax_message(path: str, text: str, message: str) -> str:
 
 
 def _lines(text: str) -> dict[KeyPath, int]:
-    """Line of every key of a valid text."""
+    """Line of every key of a valid text, whose statements are read one by one."""
     lines: dict[KeyPath, int] = {}
     table: KeyPath = ()
-    counts: dict[KeyPath, int] = {}
-    inside = ""
+    counts: dict[KeyPath, int] = {}  # number of the latest entry of each array of tables
+    statement, first = "", 1
     for number, line in enumerate(split_lines(text), 1):
-        if inside:  # of a text over several lines
-            inside = "" if line.count(inside) % 2 else inside
+        statement += f"{line}\n"
+        if number > first and not _END_OF_VALUE.search(line):
             continue
-        if match := _TABLE_LINE.match(line):
-            table = _resolve(_split_key(match[2]), counts)
-            if match[1] == "[[":
-                counts[table] = counts.get(table, -1) + 1
-                table = (*table, counts[table])
-            for length in range(1, len(table) + 1):
-                lines.setdefault(table[:length], number)
-        elif match := _KEY_LINE.match(line):
-            place = (*table, *_split_key(match[1]))
-            for length in range(len(table) + 1, len(place) + 1):
-                lines.setdefault(place[:length], number)
-            inside = next((q for q in ('"""', "'''") if match[2].count(q) % 2), "")
+        try:
+            said: Any = tomllib.loads(statement)
+        except tomllib.TOMLDecodeError:
+            continue  # its value goes on
+        is_header = statement.lstrip().startswith("[")
+        place: KeyPath = () if is_header else table
+        while isinstance(said, dict) and len(said) == 1:
+            ((key, said),) = said.items()
+            place = (*place, key)
+            if is_header and isinstance(said, list):
+                counts[place], said = counts.get(place, -1) + 1, said[0]
+            if is_header and place in counts:
+                place = (*place, counts[place])
+        table = place if is_header else table
+        for length in range(1, len(place) + 1):
+            lines.setdefault(place[:length], first)
+        statement, first = "", number + 1
     return lines
-
-
-def _resolve(keys: KeyPath, counts: Mapping[KeyPath, int]) -> KeyPath:
-    """Full place of a table below the latest entry of an array of tables."""
-    place: KeyPath = ()
-    for i, key in enumerate(keys):
-        place = (*place, key)
-        if place in counts and i < len(keys) - 1:
-            place = (*place, counts[place])
-    return place
-
-
-def _split_key(text: str) -> KeyPath:
-    keys: list[str] = []
-    position = 0
-    while match := _BARE_OR_QUOTED.match(text, position):
-        word = match[1]
-        keys.append(word[1:-1] if word[0] in "\"'" else word)
-        position = match.end()
-        if not match[2]:
-            break
-    return tuple(keys)
 
 
 def quoted(text: str) -> str:
