@@ -91,7 +91,7 @@ def peaks(axes: Axes) -> list[str]:
 # --- what all share ---------------------------------------------------------------------------------------------------
 
 DRAWINGS = {
-    "waveform": lambda found, ax: waveform(found.traces[0], ax=ax),
+    "waveform": lambda found, ax: waveform(found, ax=ax),
     "order_spectrum": lambda found, ax: order_spectrum(found, ax=ax),
     "model_waveform": lambda found, ax: model_waveform(MODEL, ax=ax),
 }
@@ -135,8 +135,8 @@ def test_colours_of_one_picture_differ(found: Diagnosis, ax: Axes, name: str) ->
 @pytest.mark.parametrize(("run", "word"), [(0, "forward"), (1, "reverse")])
 def test_waveform_draws_the_trace(found: Diagnosis, ax: Axes, run: int, word: str) -> None:
     trace = found.traces[run]
-    waveform(trace, ax=ax)
-    assert ax.get_title() == f"{word}.csv, 20 N*m, {word}"
+    waveform(found, run=run, ax=ax)
+    assert ax.get_title() == f"{found.declared.name}, {word}.csv, 20 N*m, {word}"
     labels = legend(ax)
     assert len(labels) == 3
     for label, values in zip(labels, (trace.measured, trace.before, trace.after), strict=True):
@@ -150,14 +150,14 @@ def test_waveform_draws_the_trace(found: Diagnosis, ax: Axes, run: int, word: st
 
 def test_waveform_shows_the_model_once_where_nothing_was_added(found: Diagnosis, ax: Axes) -> None:
     trace = replace(found.traces[0], after=found.traces[0].before)
-    waveform(trace, ax=ax)
+    waveform(replace(found, traces=(trace,)), ax=ax)
     assert len(legend(ax)) == len(ax.get_lines()) == 2
 
 
 @pytest.mark.parametrize("name", ["bench/a/forward.csv", "C:\\bench\\forward.csv", "forward.csv"])
 def test_titles_hold_the_file_name_without_its_folder(found: Diagnosis, ax: Axes, name: str) -> None:
-    waveform(replace(found.traces[0], name=name), ax=ax)
-    assert ax.get_title() == "forward.csv, 20 N*m, forward"
+    waveform(replace(found, traces=(replace(found.traces[0], name=name),)), ax=ax)
+    assert ax.get_title() == f"{found.declared.name}, forward.csv, 20 N*m, forward"
 
 
 # --- order spectrum ---------------------------------------------------------------------------------------------------
@@ -278,7 +278,7 @@ def test_new_figure_grows_with_its_rows(rows: int) -> None:
 
 
 def test_files_have_the_kind_that_was_asked() -> None:
-    figure = waveform(Trace("a.csv", 1.0, np.linspace(0, 6, 64), *np.ones((3, 64)) * ARCSEC)).figure
+    figure = model_waveform(MODEL).figure
     png = to_bytes(figure, "png")
     assert png[:8] == b"\x89PNG\r\n\x1a\n"
     assert (int.from_bytes(png[16:20]), int.from_bytes(png[20:24])) == (1170, 416)  # 9 x 3.2 in at 130 dots an inch
@@ -296,7 +296,7 @@ def test_names_are_drawn_as_they_stand(found: Diagnosis, name: str) -> None:
     shafts = {name: 3.0}
     worm = Model(Drive(ratio=-14.0, shafts=shafts), (effect("shaft.eccentricity", shaft=name, harmonic=1, cos=1e-5),))
     figure, axes = new_figure(3)
-    waveform(trace, ax=axes[0])
+    waveform(replace(found, traces=(trace,)), ax=axes[0])
     order_spectrum(replace(found, traces=(trace,), declared=worm), ax=axes[1])
     model_waveform(replace(worm, name=name), ax=axes[2])
     to_bytes(figure, "png")

@@ -20,7 +20,6 @@ from rverror.base.numbers import brief
 from rverror.base.text import describe, file_name
 from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
-from rverror.model.effects import Model
 from rverror.views.by_order import turns_of
 from rverror.views.plots import style
 from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
@@ -39,14 +38,15 @@ _DECADES = 30.0  # times the smallest difference of scores, beyond which their a
 _TICK_UP, _CARET_UP_BASE = 2, 10  # matplotlib's markers that stand on their point
 
 
-def waveform(trace: Trace, *, quantity: str = "angle", unit: Model | None = None, ax: Axes | None = None) -> Axes:
-    """Measured against predicted error of one run over a turn, before and after; `quantity` is the diagnosis's.
+def waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
+    """Measured against predicted error of one run over a turn, before and after.
 
     What was measured is the thin black line over the model's band, so a good fit does not hide it.  Marks on the axis
-    tell where samples were set aside and where the reading slips.  `unit`, where given, is named in the title.
+    tell where samples were set aside and where the reading slips.
     """
+    trace = _trace(diagnosis, run)
     ax = axes_for(ax)
-    rows = (unit_of(quantity).of(v) for v in (trace.measured, trace.before, trace.after))
+    rows = (unit_of(diagnosis.quantity).of(v) for v in (trace.measured, trace.before, trace.after))
     angle, measured, before, after = for_drawing(np.degrees(trace.theta), *rows)
     over: dict[str, Any] = {"color": style.BLACK, "lw": 0.7, "zorder": 2.5}
     ax.plot(angle, measured, label=", ".join(["measured", *_averaged(trace)]), **over)
@@ -54,7 +54,7 @@ def waveform(trace: Trace, *, quantity: str = "angle", unit: Model | None = None
     if not np.allclose(trace.before, trace.after):
         ax.plot(angle, after, color=_AFTER, lw=2.4, alpha=_BAND, label="with what was added")
     _mark(ax, trace)
-    return over_angle(ax, *stated(unit), *_trace_title(trace), y=signal_label(quantity))
+    return over_angle(ax, *_title(diagnosis, trace), y=signal_label(diagnosis.quantity))
 
 
 def _averaged(trace: Trace) -> list[str]:
@@ -86,11 +86,6 @@ def _mark(ax: Axes, trace: Trace) -> None:
             ax.plot(np.degrees(shown), np.zeros(shown.size), label=label, **look, **place)
 
 
-def diagnosis_waveform(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
-    """`waveform` of one run of a diagnosis."""
-    return waveform(_trace(diagnosis, run), quantity=diagnosis.quantity, unit=diagnosis.declared, ax=ax)
-
-
 def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> Axes:
     """Residual of one run before and after, over a turn; of stretches left out of the fit, where there are any.
 
@@ -102,8 +97,8 @@ def residual(diagnosis: Diagnosis, *, run: int = 0, ax: Axes | None = None) -> A
     _before_and_after(ax, trace.theta, rows, diagnosis.quantity)
     ax.axhline(0, color=style.BLACK, lw=0.4)
     _mark(ax, trace)
-    what = ["residual", *(["left-out stretches"] if trace.left_out else []), *_averaged(trace)]
-    title = [*what, *stated(diagnosis.declared), *_trace_title(trace)]
+    stretches = ["left-out stretches"] if trace.left_out else []
+    title = ["residual", *stretches, *_averaged(trace), *_title(diagnosis, trace)]
     return over_angle(ax, *title, y=f"measured less model, {unit_of(diagnosis.quantity).shown}")
 
 
@@ -212,7 +207,7 @@ def order_spectrum(diagnosis: Diagnosis, *, run: int = 0, highest: float | None 
         ("residual after", replace(after, floor=floor, floor_name="noise, rms")),
     ]
     name = partial(frame_name, diagnosis.declared.mechanism, within=after.apart)
-    title = ["residual spectrum", *stated(diagnosis.declared), *_trace_title(trace)]
+    title = ["residual spectrum", *_title(diagnosis, trace)]
     found = [line.order for line in diagnosis.unexplained] + [o for a in diagnosis.added for o in a.orders]
     last = highest or min(max([_HIGHEST, *(1.05 * order for order in found)]), float(after.order[-1]))
     return draw_lines(rows, name, title=title, unit=unit_of(diagnosis.quantity).shown, highest=last, ax=ax)
@@ -227,6 +222,7 @@ def _trace(diagnosis: Diagnosis, run: int) -> Trace:
     return diagnosis.traces[run]
 
 
-def _trace_title(trace: Trace) -> list[str]:
-    """File, torque and direction of a run."""
-    return [plain(file_name(trace.name)), *stated(torque=trace.torque, direction=trace.direction)]
+def _title(diagnosis: Diagnosis, trace: Trace) -> list[str]:
+    """Unit, and file, torque and direction of a run."""
+    run = [plain(file_name(trace.name)), *stated(torque=trace.torque, direction=trace.direction)]
+    return [*stated(diagnosis.declared), *run]
