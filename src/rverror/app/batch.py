@@ -29,8 +29,8 @@ from rverror.runs.bench.file import RUN_SUFFIXES, folders_of_runs
 from rverror.runs.bench.mapping import load_mapping
 from rverror.runs.measurement import read_run
 from rverror.statics.loaded_state import NotConvergedError
-from rverror.views.describing import described, input_files
-from rverror.views.diagnosis_report import diagnosis_json
+from rverror.views.describing import described, enveloped, input_files
+from rverror.views.diagnosis_report import diagnosis_content
 from rverror.views.fields import about, rows, same_unit
 from rverror.views.shown_units import NUMBER, TIME
 from rverror.views.variables import Table
@@ -297,7 +297,7 @@ def _diagnose_unit(unit: _Unit) -> _Answer:
             from rverror.views.report import to_html  # all kinds of results, for this option alone
 
             page = to_html(found, files=files)
-        data = diagnosis_json(found, files=files)
+        data = enveloped(diagnosis_content(found), files)
         outcome, content = _outcome(unit, data), json.dumps(data, indent=1) + "\n"
     except (InputError, NotConvergedError) as problem:
         outcome = replace(outcome, error=" ".join(str(problem).split()))

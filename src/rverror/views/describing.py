@@ -269,22 +269,17 @@ def input_files(paths: Sequence[str | os.PathLike[str]]) -> tuple[InputFile, ...
     return tuple(InputFile(path, hashlib.sha256(raw).hexdigest(), len(raw)) for path, raw in read)
 
 
-def enveloped(
-    kind: str, content: Mapping[str, Any], files: Sequence[InputFile] = (), *, listed: str = "inputs"
-) -> dict[str, Any]:
-    """Content of a result with the kind of it, its input files and the version.
+def enveloped(told: Mapping[str, Any], files: Sequence[InputFile] = ()) -> dict[str, Any]:
+    """`content` of a result, its kind first, with its input files and the version.
 
     Parameters
     ----------
-    kind : str
-        Name of the result's class.
-    content : mapping
+    told : mapping
     files : sequence of InputFile
-    listed : str
-        Key of the files.
 
     Returns
     -------
     dict
     """
-    return {"result": kind, **content, listed: [asdict(file) for file in files], "version": __version__}
+    listed = "files" if told["result"] == "Diagnosis" else "inputs"
+    return {"result": told["result"], **told, listed: [asdict(file) for file in files], "version": __version__}

@@ -22,7 +22,7 @@ from rverror.runs.spectrum import frames_of_order
 from rverror.views.bench_report import BESIDE, bench_json, budget_of, of_figures, of_orders, order_json
 from rverror.views.blocks import Sentence, Sheet, some_of
 from rverror.views.by_order import turns_of
-from rverror.views.describing import InputFile, content, content_of, described, enveloped, sheet, sheet_of, table
+from rverror.views.describing import content, content_of, described, sheet, sheet_of, table
 from rverror.views.fields import COUNT, OWN, OWN_NAME, Field, about, arrays, entry, rows, same_unit, value_at
 from rverror.views.model_report import name_of, sizes_of
 from rverror.views.order_report import alone, kinds_of_causes, passport_json, passports, resonances, resonances_json
@@ -288,18 +288,13 @@ def _folds(line: Line, diagnosis: Diagnosis) -> str:
 # --- for programs -----------------------------------------------------------------------------------------------------
 
 
-def diagnosis_json(diagnosis: Diagnosis, *, files: Sequence[InputFile] = ()) -> dict[str, Any]:
-    """Diagnosis as plain data, as `to_json` tells it.
+@content.register
+def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Diagnosis as plain data, as `to_json` tells it, but for files and version.
 
     Sizes in arcsec and um; numbers that are not determined are None.  Keys of a torque ripple end in ``newton_metre``
     instead of ``arcsec``.
     """
-    return enveloped("Diagnosis", diagnosis_content(diagnosis), files, listed="files")
-
-
-@content.register
-def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What `diagnosis_json` holds but for files and version."""
     quantity, signal, bench = diagnosis.quantity, unit_of(diagnosis.quantity), stated_bench(diagnosis)
     own = content_of(table(diagnosis))
     variables = {name: of for name, of in own["variables"].items() if of["dimensions"] != ["sample"]}

@@ -15,10 +15,8 @@ from typing import Any
 from rverror.base.spreadsheet import workbook
 from rverror.base.text import PathLike, printable
 from rverror.base.version import __version__
-from rverror.diagnosis.result import Diagnosis
 from rverror.views.blocks import Heading, Sheet, Title, as_html, as_text, grid, line, section
 from rverror.views.describing import InputFile, enveloped
-from rverror.views.diagnosis_report import diagnosis_json
 from rverror.views.html import document, escaped
 from rverror.views.kinds import content, sheet, table
 from rverror.views.plots.figure import can_draw
@@ -104,9 +102,7 @@ def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
     >>> told["result"], told["variables"]["value"]["values"], told["variables"]["value"]["units"]
     ('Effect', [60.0], ['arcsec'])
     """
-    if isinstance(result, Diagnosis):
-        return diagnosis_json(result, files=files)
-    return enveloped(type(result).__name__, content(result, **options), files)
+    return enveloped(content(result, **options), files)
 
 
 def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
