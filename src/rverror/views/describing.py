@@ -142,8 +142,6 @@ def kind_in_words(result_table: Table) -> str:
 
 def listed(result_table: Table, dim: str) -> Sheet:
     """Columns of the rows along a dimension under their names and units, the ends of an interval as one."""
-    if dim not in result_table.dims:
-        return ()
     arrays, units = columns_along(result_table, rows=dim, display=True)
     if set(arrays) <= {dim}:
         return ()

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from rverror.base.errors import InputError
 from rverror.base.text import printable
 from rverror.views.blocks import as_html
 from rverror.views.describing import kind_in_words
-from rverror.views.html import escaped, shipped
+from rverror.views.html import shipped
 from rverror.views.kinds import sheet, table
 
 
@@ -43,7 +42,7 @@ def page(thing: Any) -> str:
     Parameters
     ----------
     thing : Model, Run, Influence, Equilibrium, TorsionCurve, Diagnosis, Budget, ErrorBudget, VirtualUnits, Allocation
-        Or anything else that `kinds.sheet` knows; of other things what Python says of them.
+        Or anything else that `kinds.sheet` knows.
 
     Returns
     -------
@@ -56,8 +55,5 @@ def page(thing: Any) -> str:
     >>> "<td>eccentricity</td>" in page(rverror.reducer("RV-40E"))
     True
     """
-    try:
-        body = as_html(sheet(thing), folded=True)
-    except InputError:
-        body = f"<pre>{escaped(repr(thing))}</pre>"
+    body = as_html(sheet(thing), folded=True)
     return f'<div class="rverror-page"><style>\n{shipped("notebook.css")}</style>\n{body}\n</div>'
