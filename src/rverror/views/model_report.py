@@ -10,10 +10,10 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.numbers import brief, count_of, way, with_unit
-from rverror.base.quantities import COUNT as COUNT_OF, quantities
+from rverror.base.quantities import COUNT as COUNT_OF, NumberField, quantities
 from rverror.base.text import describe
 from rverror.base.units import ARCSEC
-from rverror.geartrain.mechanism import OUTPUTS, ContactLaw, Drive, Reducer
+from rverror.geartrain.mechanism import OUTPUTS, Drive, Reducer
 from rverror.geartrain.source import Parameter
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -54,29 +54,28 @@ def name_of(model: Model) -> str:
 
 # --- reducers and drives ----------------------------------------------------------------------------------------------
 
-#: What a reducer has one number of for each kind of contact or part: the unit of each, and what is not told.
-_BY_PART = ("stiffness", "contact_law", "bearing_preload", "friction", "inertia")
+#: What a reducer has some numbers of for its kinds of contact or part; those of which nothing is said are not told.
+_BY_PART = ("contact_law", "bearing_preload", "friction", "inertia")
 
 
 @described.register
 def _reducer_table(result: Reducer) -> Table:
-    def unit(part: str, name: str) -> Unit:
-        own = quantities(getattr(result, part) if part else result).get(name)
-        if own is None or own.dimension in (COUNT_OF, "number"):
-            return NUMBER
-        return _GEOMETRY.get(own.dimension) or unit_of(own.dimension)
-
-    given = [
-        ("", item.name, value)
-        for item in dataclasses.fields(result)
-        if isinstance(value := getattr(result, item.name), int | float)
+    held = {item.name: getattr(result, item.name) for item in dataclasses.fields(result)}
+    numbers = {name: value for name, value in held.items() if isinstance(value, int | float)}
+    told = [("", result, numbers), ("stiffness.", result.stiffness, dataclasses.asdict(result.stiffness))]
+    told += [(f"{part}.", held[part], held[part].given()) for part in _BY_PART]
+    values = [
+        (f"{prefix}{name}", value, _unit_of_part(quantities(of).get(name)))
+        for prefix, of, given in told
+        for name, value in given.items()
     ]
-    usual = {"contact_law": dataclasses.asdict(ContactLaw()), "stiffness": {}, "inertia": {}}
-    for part in _BY_PART:
-        for name, value in dataclasses.asdict(getattr(result, part)).items():
-            if value is not None and value != usual.get(part, {name: 0.0}).get(name):
-                given.append((f"{part}.", name, value))
-    return _of_values(result, [(f"{part}{name}", value, unit(part[:-1], name)) for part, name, value in given])
+    return _of_values(result, values)
+
+
+def _unit_of_part(quantity: NumberField | None) -> Unit:
+    if quantity is None or quantity.dimension in (COUNT_OF, "number"):
+        return NUMBER
+    return _GEOMETRY.get(quantity.dimension) or unit_of(quantity.dimension)
 
 
 @described.register
@@ -86,8 +85,7 @@ def _drive_table(result: Drive) -> Table:
 
 
 def _of_values(result: Reducer | Drive, values: Sequence[tuple[str, float, Unit]]) -> Table:
-    own = Each("unit", tuple(unit for *_, unit in values))
-    variables = rows("parameter", values, parameter="0", value=("1", own))
+    variables = rows("parameter", values, "", ("unit", "2"), parameter="0", value=("1", OWN))
     about = {"name": result.name, "ratio": result.ratio}
     return Table(variables, about, title=(result.name, _ratio(result)))
 
