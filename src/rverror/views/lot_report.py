@@ -47,10 +47,7 @@ def lot_table(result: Lot) -> Table:
     """Processes, what differs and what the lot makes, as variables."""
     chance: dict[str, Field] = {"chance": ("0.chance", NUMBER)}
     of_group: dict[str, Field] = {"label": "0.label", "value": "0.value", "units": ("0.units", COUNT), **chance}
-    ends: dict[str, Field] = {
-        "earliest": lambda row: row[0].since_interval[0],
-        "latest": lambda row: row[0].since_interval[1],
-    }
+    ends: dict[str, Field] = {"earliest": "0.since_interval.0", "latest": "0.since_interval.1"}
     since: dict[str, Field] = {"since": "0.since", **ends, "course": "0.course"}
     variables = {
         **rows(
@@ -295,7 +292,7 @@ def _drive_lot_table(result: DriveLot) -> Table:
             **same_unit(ANGLE, "difference", "usual"),
             chance=NUMBER,
         ),
-        **arrays("unit", result, unit=lambda lot: list(lot.serials)),
+        **arrays("unit", result, unit="serials"),
         **arrays("unit place", result, amplitude=("amplitudes", ANGLE)),
     }
     shared = [str(one.order) for one in result.orders if one.shared]

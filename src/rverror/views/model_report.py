@@ -157,7 +157,7 @@ def _influence_table(result: Influence) -> Table:
     own = influence_units(parameter.dimension for parameter in source(result.key).parameters)
     variables = {
         **arrays("theta", result, theta=POSITION),
-        **arrays("parameter", result, parameter=lambda one: list(one.labels)),
+        **arrays("parameter", result, parameter="labels"),
         **arrays("parameter theta", result, influence=("matrix", own)),
         **arrays(
             "parameter",
