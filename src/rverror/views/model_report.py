@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -31,14 +31,11 @@ _GEOMETRY = {"length": SIZE, "angle": POSITION}
 # --- pieces -----------------------------------------------------------------------------------------------------------
 
 
-def influence_units(dimensions: Iterable[str]) -> Each:
-    """Units of the output error per unit of parameters."""
-
-    def per(unit: Unit) -> Unit:
-        core, display = (f"({text})" if "/" in text or "*" in text else text for text in (unit.core, unit.shown))
-        return Unit(f"rad/{core}", f"arcsec/{display}", ARCSEC / unit.size)
-
-    return Each("influence_unit", tuple(per(unit_of(dimension)) for dimension in dimensions))
+def influence_unit(dimension: str) -> Unit:
+    """Unit of the output error per unit of a parameter."""
+    unit = unit_of(dimension)
+    core, display = (f"({text})" if "/" in text or "*" in text else text for text in (unit.core, unit.shown))
+    return Unit(f"rad/{core}", f"arcsec/{display}", ARCSEC / unit.size)
 
 
 def ways(direction: Array) -> str:
@@ -154,7 +151,7 @@ def _of_effects(effects: Sequence[Effect]) -> dict[str, Variable]:
 
 @described.register
 def _influence_table(result: Influence) -> Table:
-    own = influence_units(parameter.dimension for parameter in source(result.key).parameters)
+    own = Each("influence_unit", tuple(influence_unit(one.dimension) for one in source(result.key).parameters))
     variables = {
         **arrays("theta", result, theta=POSITION),
         **arrays("parameter", result, parameter="labels"),

@@ -59,13 +59,12 @@ def _state_table(result: Equilibrium) -> Table:
         variables |= arrays(f"{own}xy theta", moved[..., :2, :], f"{part}_", displacement=("", LENGTH))
         if moved.shape[-2] == 3:
             variables |= arrays(f"{own}theta", moved[..., 2, :], f"{part}_", rotation=("", ANGLE))
-    forces = {contact: result.contact_forces[contact] for contact in _CONTACTS}
     for contact, axes in _CONTACTS.items():
-        variables |= arrays(f"{axes} xy theta", forces[contact], f"{contact}_", force=("", FORCE))
+        variables |= arrays(f"{axes} xy theta", result.contact_forces[contact], f"{contact}_", force=("", FORCE))
     spline = result.contact_forces["spline"][:, :, 0]
     variables |= arrays("crank flank theta", spline, spline_torque=("", TORQUE))
     variables |= arrays("xy", ["x", "y"], xy="")
-    largest = [(contact, np.sqrt((force**2).sum(axis=-2)).max()) for contact, force in forces.items()]
+    largest = [(contact, np.linalg.norm(result.contact_forces[contact], axis=-2).max()) for contact in _CONTACTS]
     variables |= rows("contact", largest, contact="0", largest_force=("1", FORCE))
     return Table(variables, title=(count_of(error.size, "angle"),))
 
