@@ -257,8 +257,7 @@ def _of_tolerances(closed: Budget) -> dict[str, Variable]:
         components=COUNT,
         mean_square=SQUARE,
         share=PERCENT,
-        **same_unit(ANGLE, "worst_peak_to_peak", "worst_part", "rss"),
-        **same_unit(ANGLE, "offset_deviation", "worst_offset"),
+        **same_unit(ANGLE, "worst_peak_to_peak", "worst_part", "rss", "offset_deviation", "worst_offset"),
         effect=None,
     )
 
@@ -266,7 +265,7 @@ def _of_tolerances(closed: Budget) -> dict[str, Variable]:
 def _of_angles(closed: Budget) -> dict[str, Variable]:
     """Waveforms of the error, and what the tolerances make together."""
     return {
-        **arrays("theta", closed, theta=("theta", POSITION)),
+        **arrays("theta", closed, theta=POSITION),
         **arrays("theta", closed, **same_unit(ANGLE, "mean", "standard_deviation", "deviation_standard_deviation")),
         **arrays("theta", closed.worst, **same_unit(ANGLE, "lower", "upper")),
         **arrays("", closed, root_sum_of_squares=("rss", ANGLE), expected_rms=("rms", ANGLE)),
