@@ -27,6 +27,7 @@ SETTLED = 0.02
 
 _BAND = 4.0  # shares of units beyond a quantile, over and under, between which units count for its smoothed mean
 _KNOWN = 64  # units beyond a quantile from which the sample tells it: their number is then known to an eighth
+_ACCURACY = 1e-9  # of the cost, relative, to which smooth widths are found
 _MIDDLE, _TAIL = (0.3, 0.6), (0.75, 0.98)  # ranks of the units through which the quantiles of a sample are drawn
 
 
@@ -41,11 +42,6 @@ class WorstPeakToPeak(Constraint):
         self.middle = np.zeros((len(stack.labels), stack.nominal.size))
         np.add.at(self.middle, stack.entry, stack.middle[:, None] * stack.influence)
         self.known: dict[bytes, Row] = {}  # by widths: searching all pairs is dear
-
-    def parts(self, widths: Array) -> tuple[Array, Array]:
-        """Largest p-p over all pairs of angles."""
-        own, offset = self.measure(widths)[1]
-        return np.array([own @ widths + offset]), own[None]
 
     def measure(self, widths: Array) -> tuple[float, Row]:
         """Largest p-p over all pairs of angles, and the row of its pair."""
@@ -122,7 +118,6 @@ class SampleQuantile(Constraint):
     ratios: Array
 
     gap = SETTLED / 2
-    accuracy = 1e-9
     rounds = 20  # each a program and a solution of 0.2 s; the next linear form tells of better grades anyway
 
     @classmethod
@@ -162,6 +157,26 @@ class SampleQuantile(Constraint):
             values[limit] = weight @ turns[largest, counted]
             slopes[limit] = weight @ changes[largest, counted]
         return self.still + self.ratios * (values - self.still), self.ratios[:, None] * slopes
+
+    def measure(self, widths: Array) -> tuple[float, Row]:
+        """The largest quantile, and the row that is equal to it here."""
+        values, slopes = self.parts(widths)
+        worst = int(values.argmax())
+        return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
+
+    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+        """By all quantiles at once, which need no rows."""
+        if self.measure(self.best(costs))[0] > limit:
+            return None
+        if self.measure(costs.high)[0] <= limit:
+            return costs.high
+
+        def room(widths: Array) -> tuple[Array, Array]:
+            values, slopes = self.parts(widths)
+            return 1 - values / limit, -slopes / limit
+
+        start = np.clip(costs.given, costs.low, costs.high)
+        return pulled_in(costs, self, limit, minimised(costs, start, room, accuracy=_ACCURACY))
 
     def best(self, costs: CostModel) -> Array:
         """Widths with the least largest quantile: what helps one limit may harm another, as pins take up play.

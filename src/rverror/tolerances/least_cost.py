@@ -35,17 +35,14 @@ class Constraint(ABC):
 
     gap = CLOSE  #: of the cost, relative, at which a search among grades ends
     rounds = ROUNDS  #: most combinations of grades that it tries
-    accuracy = 1e-15  #: of the cost, relative, to which smooth widths are found
 
     @abstractmethod
-    def parts(self, widths: Array) -> tuple[Array, Array]:
-        """All that is limited, and its derivatives by the widths, shapes (parts,) and (parts, entries)."""
-
     def measure(self, widths: Array) -> tuple[float, Row]:
         """What is limited, and the row that is equal to it here."""
-        values, slopes = self.parts(widths)
-        worst = int(values.argmax())
-        return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
+
+    @abstractmethod
+    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+        """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs."""
 
     def best(self, costs: CostModel) -> Array:
         """Widths at which the least is used of the limit: mostly the least ones."""
@@ -55,20 +52,6 @@ class Constraint(ABC):
         """Rows above the limit here; none where the widths meet it."""
         value, row = self.measure(widths)
         return [row] if value > limit * (1 + CLOSE) else []
-
-    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
-        """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs."""
-        if self.measure(self.best(costs))[0] > limit:
-            return None
-        if self.measure(costs.high)[0] <= limit:
-            return costs.high
-
-        def room(widths: Array) -> tuple[Array, Array]:
-            values, slopes = self.parts(widths)
-            return 1 - values / limit, -slopes / limit
-
-        start = np.clip(costs.given, costs.low, costs.high)
-        return pulled_in(costs, self, limit, minimised(costs, start, room, accuracy=self.accuracy))
 
 
 # --- smooth costs ------------------------------------------------------------------------------------------------
