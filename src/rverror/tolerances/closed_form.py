@@ -232,8 +232,6 @@ def budget(stack: Stack) -> Budget:
         rows = rule.components
         groups, middle = rule.worst_groups(), rule.distribution.middle
         shift = middle * deviation[rows].sum(axis=0)
-        alone = GroupWaves(groups, deviation)
-        farthest = GroupWaves(groups, deviation, shift).farthest() if shift.any() else alone.farthest()
         reach = 1 + abs(middle)  # of the farther limit from the mean
         waves = bool(deviation[rows].any())
         entries.append(
@@ -244,9 +242,9 @@ def budget(stack: Stack) -> Budget:
                 components=rows.stop - rows.start,
                 mean_square=float(mean_squares[e]),
                 share=float(mean_squares[e]) / total if total else 0.0,
-                worst_peak_to_peak=farthest[0],
+                worst_peak_to_peak=GroupWaves(groups, deviation, shift).farthest()[0],
                 worst_part=float(parts[e]),
-                rss=reach * float(np.linalg.norm(alone.peak_to_peaks())),
+                rss=reach * float(np.linalg.norm(GroupWaves(groups, deviation).peak_to_peaks())),
                 offset_deviation=math.sqrt(offsets[e]),
                 worst_offset=float(GroupWaves(groups, offset[:, None]).size()[0])
                 + abs(middle * float(offset[rows].sum())),
@@ -310,11 +308,8 @@ def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) ->
     if centred[high] < centred[low]:
         high, low = low, high
     difference = deviation[:, high] - deviation[:, low]
-    swing, lengths = towards(groups, difference)
-    entries = np.array([stack.entry[group.components[0, 0]] for group in groups], dtype=np.intp)
-    parts = np.bincount(entries, weights=lengths, minlength=len(stack.rules)).astype(np.float64)
-    parts += np.bincount(stack.entry, weights=middle * difference, minlength=len(stack.rules))
-
+    values = middle + towards(groups, difference)
+    parts = np.bincount(stack.entry, values * difference, len(stack.rules)).astype(np.float64)
     worst = WorstCase(
         lower=at_middle - reach,
         upper=at_middle + reach,
@@ -322,20 +317,18 @@ def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) ->
         peak_to_peak=peak_to_peak,
         peak_to_peak_nominal=float(stack.nominal[high] - stack.nominal[low]),
         peak_to_peak_angles=(high, low),
-        peak_to_peak_values=(middle + swing) * stack.width[stack.entry],
+        peak_to_peak_values=values * stack.width[stack.entry],
         maximum=float((np.abs(centred) + GroupWaves(groups, deviation).size()).max()),
     )
     return worst, parts
 
 
-def towards(groups: Sequence[WorstGroup], gradient: Array) -> tuple[Array, Array]:
-    """Standard values at the limits that make ``values @ gradient`` largest, and what each group adds to it."""
+def towards(groups: Sequence[WorstGroup], gradient: Array) -> Array:
+    """Standard values from the middle to the limits that make ``values @ gradient`` largest."""
     values = np.zeros(gradient.size)
-    parts = np.zeros(len(groups))
-    for g, group in enumerate(groups):
+    for group in groups:
         direction = gradient[group.components].sum(axis=0)
         length = float(np.hypot.reduce(direction))
         if length > 0:
             values[group.components] += group.radius * direction / length
-        parts[g] = group.radius * length
-    return values, parts
+    return values

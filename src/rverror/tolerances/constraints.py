@@ -35,12 +35,8 @@ class WorstPeakToPeak(Constraint):
     """P-p of the worst parts: one row for each pair of angles, of which those that matter are found as needed."""
 
     def __init__(self, stack: Stack) -> None:
-        """Lay out the waves of all that the worst case chooses."""
+        """Of a stack, whatever its widths."""
         self.stack = stack
-        self.owners = np.array([stack.entry[group.components[0, 0]] for group in stack.worst_groups], dtype=np.intp)
-        # TE of a unit of each width with its values in the middle of their limits; 0 but for skewed distributions
-        self.middle = np.zeros((len(stack.labels), stack.nominal.size))
-        np.add.at(self.middle, stack.entry, stack.middle[:, None] * stack.influence)
         self.known: dict[bytes, Row] = {}  # by widths: searching all pairs is dear
 
     def measure(self, widths: Array) -> tuple[float, Row]:
@@ -58,8 +54,8 @@ class WorstPeakToPeak(Constraint):
         _, i, j = GroupWaves(stack.worst_groups, stack.scaled(widths), at_middle).farthest()
         i, j = (i, j) if at_middle[i] >= at_middle[j] else (j, i)
         between = stack.influence[:, i] - stack.influence[:, j]
-        own = self.middle[:, i] - self.middle[:, j]
-        np.add.at(own, self.owners, towards(stack.worst_groups, between)[1])
+        values = stack.middle + towards(stack.worst_groups, between)
+        own = np.bincount(stack.entry, values * between, len(stack.labels)).astype(np.float64)
         return own, float(stack.nominal[i] - stack.nominal[j])
 
     def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:

@@ -129,8 +129,7 @@ class Stack(OneLine):
 
     def at_middle(self, width: Array | None = None) -> Array:
         """Output error with all toleranced values in the middle of their limits, rad, shape (n,)."""
-        middle = self.middle
-        return self.nominal + middle @ self.scaled(width) if middle.any() else self.nominal
+        return self.nominal + self.middle @ self.scaled(width)
 
     @property
     def worst_groups(self) -> tuple[WorstGroup, ...]:
