@@ -23,6 +23,7 @@ from rverror.matching.unit_waves import Assembly, UnitWaves, placed, section_siz
 from rverror.model.effects import Model, check_model
 from rverror.parts.measured import KINDS, MeasuredPart, Place, at_first_place, mounted, places_of
 from rverror.tolerances.loaded_yield import counted
+from rverror.tolerances.sampling import check_seed
 from rverror.tolerances.specification import Limit, check_limits
 
 #: Ways to build that a cost can be given for.
@@ -79,8 +80,7 @@ def match(
         If there are too few parts, a serial number comes twice, an error does not fit, or no unit meets the limits.
     """
     check_model(model)
-    if seed < 0:
-        raise InputError(f"seed = {seed}: must be 0 or more")
+    check_seed(seed)
     lot = _lot_of(model, parts, turns=turns, seed=seed)
     if any(one.quantity == "stiffness" or one.value is None for one in limits if isinstance(one, Limit)):
         raise InputError("limits: match takes values of angles; leave the stiffness out, and give each limit its value")
@@ -88,36 +88,34 @@ def match(
     for name in costs or {}:
         if name not in WAYS:
             raise InputError(f"costs: {name!r} is no way to build; give one of {', '.join(WAYS)}")
-    price, rng, at_load = dict(costs or {}), np.random.default_rng(seed), _AtLoad(lot, units, progress)
+    rng, at_load = np.random.default_rng(seed), _AtLoad(lot, units, progress, costs or {})
     numbers = [*map(len, lot.parts), *([len(lot.kits)] if lot.rollers else [])]
     blank = UnitWaves(np.zeros(1), [np.zeros((1, n, 1)) for n in numbers], lot.pools, ())
     drawn = [blank.shuffled(rng) for _ in range(-(-min(max(_RANDOM[0], 2 * blank.most), _RANDOM[1]) // blank.most))]
     together = Assembly(np.concatenate([one.part for one in drawn]), np.concatenate([one.turn for one in drawn]))
     random = at_load.built("units put together at random", together)
-    at_load, waves = at_load.waves(random, turned=turns)
+    at_load, waves = at_load.waves(random)
     plain = replace(waves, parts=[one[:1] for one in waves.parts])
     ways = [at_load.way("put together at random", random)]
     classes = at_load.built("units of three classes", at_load.in_classes(plain, rng))
-    ways.append(at_load.way("three classes", classes, price.get("classes")))
+    ways.append(at_load.way("three classes", classes, "classes"))
     if lot.rollers:
         alike = at_load.built("units with rollers of one size", together, at_load.of_one_size(together))
-        ways.append(at_load.way("rollers of one size in a unit, at random", alike, price.get("sorting")))
+        ways.append(at_load.way("rollers of one size in a unit, at random", alike, "sorting"))
     tighter = replace(random, turns=at_load.solved("units of tighter parts", TIGHTER * lot.values(together)))
     name = f"parts {100 * (1 - TIGHTER):.0f} % more accurate, at random"
-    ways.append(at_load.way(name, tighter, price.get("tighter"), size=TIGHTER))
+    ways.append(at_load.way(name, tighter, "tighter", size=TIGHTER))
     if any(len(place.turns) > 1 for place in lot.places):
         alone = at_load.built("units turned", waves.turned(drawn[0]))
-        ways.append(at_load.way("turned, not matched", alone, price.get("turning")))
+        ways.append(at_load.way("turned, not matched", alone, "turning"))
     built, bound = at_load.matched(plain, rng, "matched units")
-    ways.append(at_load.way("matched", built, price.get("matching")))
+    ways.append(at_load.way("matched", built, "matching"))
     if any(len(place.turns) > 1 for place in lot.places):
         built, bound = at_load.matched(waves, rng, "matched units, turned")
-        cost = [price[one] for one in ("matching", "turning") if one in price]
-        ways.append(at_load.way("matched and turned", built, sum(cost) if cost else None))
+        ways.append(at_load.way("matched and turned", built, "matching", "turning"))
     if lot.rollers:
         built = at_load.placed(waves, built)
-        cost = [price[one] for one in ("matching", "turning", "rollers") if one in price]
-        ways.append(at_load.way("rollers placed as well", built, sum(cost) if cost else None))
+        ways.append(at_load.way("rollers placed as well", built, "matching", "turning", "rollers"))
     return _result(at_load, built, ways, bound, waves.doubt)
 
 
@@ -130,9 +128,9 @@ class _PartsAtPlaces:
 
     model: Model
     reducer: Reducer
-    places: tuple[Place, ...]  #: the last one takes a kit of rollers, where there are any
-    parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place but that of the kit
-    pools: tuple[int, ...]
+    places: tuple[Place, ...]  #: of all parts but rollers
+    parts: tuple[tuple[MeasuredPart, ...], ...]  #: for each place
+    pools: tuple[int, ...]  #: of these places, then that of the kits of rollers, where there are any
     columns: PlacedErrors  #: of these places, then of the grooves
     before: Mapping[str, int]  #: pitches by which a disc was turned to be as those of the first place that it fits
     rollers: tuple[MeasuredPart, ...]  #: single ones and classes
@@ -159,13 +157,13 @@ class _PartsAtPlaces:
         """Rollers in the grooves of each unit as its kit has them; in none where there are no kits."""
         return self.kits[assembly.part[:, -1]] if self.rollers else np.empty((len(assembly.part), 0), np.intp)
 
-    def waves(self, slope: Array, *, turned: bool) -> list[Array]:
-        """Waves of the parts at every place."""
+    def waves(self, slope: Array) -> list[Array]:
+        """Waves of the parts at every place, turned by each of its ways."""
         found = [self.columns.waves(place, slope) for place in range(len(self.parts))]
         if len(self.kits):
             grooves = [self.groove(n, slope)[self.kits[:, n]] for n in range(self.reducer.pins)]
             found.append(np.asarray(np.sum(grooves, axis=0)[None]))
-        return list(found) if turned else [waves[:1] for waves in found]
+        return found
 
     def groove(self, number: int, slope: Array) -> Array:
         """Waves of all rollers in one groove, shape (rollers, samples)."""
@@ -211,7 +209,6 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool, seed: i
     missing = [kind for kind in KINDS if not given[kind] and kind != "roller"]
     if missing:
         notes.append(f"no measured parts of the kinds {', '.join(missing)}: as the model has them")
-    every = (*places, *([Place("roller", None, (0,))] if rollers else []))
     columns = columns_of(reducer, lots)
     declared = {(e.key, frozenset(e.indices.items())) for e in model.effects}
     for one in columns.components:
@@ -222,7 +219,7 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool, seed: i
     return _PartsAtPlaces(
         model,
         reducer,
-        every,
+        tuple(places),
         tuple(fits[p] for p in places),
         tuple(pools),
         columns,
@@ -268,6 +265,7 @@ class _AtLoad:
     lot: _PartsAtPlaces
     units: UnitsAtLoad
     progress: Progress | None
+    costs: Mapping[str, float]  #: for each unit, of some of `WAYS`
     base: Array = field(default_factory=lambda: np.empty(0))  #: (samples,): of a unit without errors, over the limits
     slope: Array = field(default_factory=lambda: np.empty((0, 0)))  #: (components, samples): of units at random
 
@@ -283,10 +281,11 @@ class _AtLoad:
         """Units put together so."""
         return _Built(assembly, self.solved(what, self.lot.values(assembly, rollers)), rollers)
 
-    def way(self, name: str, built: _Built, cost: float | None = None, *, size: float = 1.0) -> WayToBuild:
-        """What a way to build gives, with the sizes of the parts' errors as they are or all changed alike."""
-        errors = self.errors(built.turns)
-        return WayToBuild(name, built.turns, errors, errors[:, None] + self.unknown(built, size=size), cost)
+    def way(self, name: str, built: _Built, *paid: str, size: float = 1.0) -> WayToBuild:
+        """What a way to build gives, paid as some of `WAYS`, with the parts' errors as they are or of another size."""
+        errors, costs = self.errors(built.turns), [self.costs[one] for one in paid if one in self.costs]
+        outcomes = errors[:, None] + self.unknown(built, size=size)
+        return WayToBuild(name, built.turns, errors, outcomes, sum(costs) if costs else None)
 
     def unknown(self, built: _Built, *, size: float = 1.0) -> Array:
         """What draws within the uncertainty of the parts' sizes add to each unit's error, shape (units, draws)."""
@@ -310,7 +309,7 @@ class _AtLoad:
         added = self.unknown(built)
         return replace(waves, shift=float(added.mean()), unsure=float(added.std()))
 
-    def waves(self, random: _Built, *, turned: bool) -> tuple[_AtLoad, UnitWaves]:
+    def waves(self, random: _Built) -> tuple[_AtLoad, UnitWaves]:
         """Waves of all parts, from units put together at random: by their mean influence, which is kept.
 
         Each quantity is scaled to the mean of the true ones: few angles miss the peaks.
@@ -326,8 +325,7 @@ class _AtLoad:
             size = sizes[number][known].sum()
             scale = (turns[known, number] / self.units.allowed[number]).sum() / size if size > 0 else 1.0
             base[at], slope[:, at] = base[at] * scale, slope[:, at] * scale
-        parts = self.lot.waves(slope, turned=turned)
-        made = UnitWaves(base.astype(np.float32), parts, self.lot.pools, self.units.sections)
+        made = UnitWaves(base.astype(np.float32), self.lot.waves(slope), self.lot.pools, self.units.sections)
         difference = self.errors(turns[known]) - made.errors(base + values[known] @ slope)
         law = replace(self, base=base, slope=slope)
         return law, law.uncertain(replace(made, doubt=max(float(difference.std()), 1e-3)), random)
@@ -446,7 +444,7 @@ def _result(at_load: _AtLoad, built: _Built, ways: Sequence[WayToBuild], bound: 
     units: list[MatchedUnit] = []
     for number in np.flatnonzero(good)[np.argsort(errors[good])]:
         parts, effects = [], list(lot.model.effects)
-        for at, place in enumerate(lot.places[: len(lot.parts)]):
+        for at, place in enumerate(lot.places):
             part = lot.parts[at][built.assembly.part[number, at]]
             turn = place.turns[built.assembly.turn[number, at]]
             total = (turn + lot.before[part.serial]) % lot.reducer.cranks if place.kind == "disc" else turn
