@@ -179,17 +179,14 @@ class UnitsAtLoad:
         return np.array([one.limit.allowed for one in self.quantities])
 
     @cached_property
-    def _stack(self) -> Stack:
-        """The components as those of one tolerance a source; nothing is drawn of it."""
+    def _solver(self) -> LoadedUnits:
+        """Of the components as those of one tolerance of width 1 a source, of which nothing is drawn."""
         keys = list(dict.fromkeys(component.key for component in self.components))
         entry = np.array([keys.index(component.key) for component in self.components], dtype=np.intp)
         none = np.zeros((len(self.components), 1))
-        return Stack(np.zeros(1), none, self.components, entry, np.ones(len(keys)), tuple(keys), ())
-
-    @cached_property
-    def _solver(self) -> LoadedUnits:
+        stack = Stack(np.zeros(1), none, self.components, entry, np.ones(len(keys)), tuple(keys), ())
         limits, directions = zip(*((one.limit, one.direction) for one in self.quantities), strict=True)
-        return LoadedUnits(self.model, self._stack, np.zeros(len(self.components)), limits, directions)
+        return LoadedUnits(self.model, stack, np.zeros(len(self.components)), limits, directions)
 
     def solved(self, values: Array, *, progress: Callable[[int], None] | None = None) -> Array:
         """Turn of each quantity, rad, shape (units, quantities), by the equilibrium; infinite where there is none.
@@ -200,7 +197,7 @@ class UnitsAtLoad:
         progress : callable, optional
             Called with the number of a unit as it is done.
         """
-        return self._solver.solved(values, np.ones(len(self._stack.width)), progress=progress).turns
+        return self._solver.solved(values, self._solver.stack.width, progress=progress).turns
 
     @cached_property
     def _lines(self) -> tuple[tuple[tuple[LoadedTurn, float], ...], ...]:
@@ -241,11 +238,10 @@ class UnitsAtLoad:
             waves, changes = [], []
             try:
                 for lines, allowed in zip(self._lines, self.allowed, strict=True):
-                    states = [(line, line.state(own, np.arange(len(line.nominal))), w) for line, w in lines]
-                    waves.append(sum(w * line.read(state, own) for line, state, w in states) / allowed)
+                    states = [(line.state(own, np.arange(len(line.nominal)), response=slopes), w) for line, w in lines]
+                    waves.append(sum(w * state.line.read(state, own) for state, w in states) / allowed)
                     if slopes:
-                        some = [w * state.some(np.arange(len(state.places))).influence().T for _, state, w in states]
-                        changes.append(sum(some) / allowed)
+                        changes.append(sum(w * state.influence().T for state, w in states) / allowed)
             except NotConvergedError:
                 return None
             return np.concatenate(waves), np.concatenate(changes, axis=1) if slopes else np.empty((0, 0))

@@ -357,20 +357,20 @@ class _AtLoad:
                 difference = (true - waves.errors(waves.whole(new, residual)[changed]))[np.isfinite(true)]
                 if difference.size >= _KNOWN:  # what parts are taken out of is known by now, so the doubt is less
                     waves = replace(waves, doubt=max(float(difference.std()), 1e-3))
-                gain = waves.hard(errors) - waves.hard(self.errors(turns))
+                gain = waves.solved.cost(errors) - waves.solved.cost(self.errors(turns))
                 circle = _circles(old.part[:, place], new.part[:, place])
                 better = (np.bincount(circle, gain) > 1e-3)[circle]
                 built = _Built(old.with_some(new, better), np.where(better[:, None], turns, built.turns))
                 moved = changed[better[changed]]
-                residual[moved] = self.residual(waves, built, moved)
-                idle = 0 if moved.size else idle
+                if moved.size:
+                    residual[moved] = self.residual(waves, built, moved)
+                    idle = 0
         return built
 
     def residual(self, waves: UnitWaves, built: _Built, rows: Integers) -> Array:
         """Difference of the true waves of some units from the sums of their parts' waves, scaled to the true size."""
         some = built.assembly.of(rows)
-        whole = waves.whole(some)
-        true = np.full(whole.shape, np.nan) if not rows.size else self.units.waves(self.lot.values(some))[0]
+        whole, true = waves.whole(some), self.units.waves(self.lot.values(some))[0]
         scale = built.turns[rows] / self.units.allowed / section_sizes(true, self.units.sections).T
         difference = true * np.repeat(scale, [at.stop - at.start for at, _ in self.units.sections], axis=1) - whole
         return np.where(np.isfinite(difference), difference, 0.0).astype(np.float32)

@@ -137,13 +137,9 @@ class UnitWaves:
         equals = np.minimum(errors, _CAP) / (2 * _CAP * self.most)
         return np.asarray(self.bad(errors) + equals, dtype=np.float64)
 
-    def hard(self, errors: Any) -> Array:
-        """The same where errors are those of the measured sizes, without doubt."""
-        return self.solved.cost(np.asarray(errors))
-
     @property
     def solved(self) -> UnitWaves:
-        """These waves where units are solved: only the measured sizes are in doubt."""
+        """These waves where units are solved, and errors those of the measured sizes: only these are in doubt."""
         return replace(self, doubt=0.0)
 
     # --- assemblies ---------------------------------------------------------------------------------------------------
@@ -270,7 +266,7 @@ class UnitWaves:
                     as_it_is = (of, turned) == (part[number, one], turn[number, one])
                     if as_it_is or way[number, column] == turned:
                         way[number, column] = turned
-                        cost[number, column] = self.hard(error) + (0 if as_it_is else _CHANGE)
+                        cost[number, column] = self.solved.cost(np.asarray(error)) + (0 if as_it_is else _CHANGE)
         unit, chosen = scipy.optimize.linear_sum_assignment(cost)
         if len(places) > 1:
             part[:, places], turn[:, places] = part[np.ix_(chosen, places)], turn[np.ix_(chosen, places)]
