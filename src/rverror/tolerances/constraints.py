@@ -119,8 +119,6 @@ class SampleQuantile(Constraint):
     @classmethod
     def of(cls, units: Units, solved: Solved, widths: Array, still: Array, level: float) -> SampleQuantile:
         """Quantiles of units that were solved at some widths with their slopes."""
-        assert solved.near is not None
-        assert solved.slopes is not None
         allowed = np.array([one.allowed for one in units.limits])[:, None]
         known = np.isfinite(solved.turns)[:, :, None]
         near = np.where(known, solved.near / allowed, LOST)

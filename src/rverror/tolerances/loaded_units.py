@@ -273,12 +273,6 @@ class TurnState:
         """Turn of the output, less what acts beyond the contacts, rad."""
         return (self._settled.unloaded() if self.line.statics.idle else self._settled).transmission_error
 
-    def some(self, chosen: Integers) -> TurnState:
-        """The same at a few of its angles, with changes per unit of output torque."""
-        problem = _some(self.problem, chosen)
-        solution = solve(problem, given=self.solution.x[chosen], response=True)
-        return TurnState(self.line, self.places[chosen], problem, solution)
-
     def influence(self) -> Array:
         """Change of the output per core unit of each component, rad, shape (places, components)."""
         line, solution = self.line, self.solution
@@ -320,18 +314,18 @@ class Solved(OneLine):
         rad, as `Limit.turned` takes it; infinite where no equilibrium was found.
     failures : tuple of str
         Units without an equilibrium, and why.
-    near : ndarray, shape (units, limits, kept), optional
+    near : ndarray, shape (units, limits, kept)
         rad; the largest turns at places of a unit that are apart, for widths that are near.
-    slopes : ndarray, shape (units, limits, kept, entries), optional
-        Change of each per width of each entry, rad per core unit.
+    slopes : ndarray, shape (units, limits, kept, entries)
+        Change of each per width of each entry, rad per core unit; of no entry where that was not wanted.
     poses : tuple
         Of each unit and limit, at the angles that are solved first: starts for the same units with other widths.
     """
 
     turns: Array
     failures: tuple[str, ...]
-    near: Array | None = None
-    slopes: Array | None = None
+    near: Array
+    slopes: Array
     poses: tuple[_Poses, ...] = ()
 
 
@@ -428,7 +422,7 @@ class LoadedUnits:
 
         poses, said = zip(*each(unit, range(len(drawn))), strict=True)
         turns, failures = largest.max(axis=2), tuple(filter(None, said))
-        return Solved(turns, failures, largest, slope, poses) if slopes else Solved(turns, failures)
+        return Solved(turns, failures, largest, slope, poses)
 
     def _span(
         self, limit: Limit, direction: float, values: Array, *, slopes: bool, decide: bool, near: list[Array] | None
@@ -467,9 +461,14 @@ class LoadedUnits:
         lines = zip(self.between(limit), starts, strict=True)
         states = [(line.state(values, near=first), weight) for (line, weight), first in lines]
         total = np.sum([weight * state.line.read(state, values) for state, weight in states], axis=0)
-        largest = np.argsort(-total)[: _KEPT if slopes else 1]
-        changes = [weight * state.some(largest).influence() for state, weight in states] if slopes else [np.empty(0)]
-        return _LargestTurns(total[largest], np.asarray(sum(changes)), [state.solution.x for state, _ in states])
+        if not slopes:
+            return _LargestTurns(total.max(keepdims=True), np.empty(0), [])
+        largest = np.argsort(-total)[:_KEPT]
+        changes = [
+            weight * state.line.state(values, largest, near=state.solution.x[largest], response=True).influence()
+            for state, weight in states
+        ]
+        return _LargestTurns(total[largest], np.sum(changes, axis=0), [state.solution.x for state, _ in states])
 
     def between(self, limit: Limit) -> list[tuple[LoadedTurn, float]]:
         """Turns under each of a limit's torques with its weight; a torque drives the output against the motion."""

@@ -49,7 +49,7 @@ class ClosedFormUnits:
         drawn: Array,
         widths: Array,
         *,
-        slopes: bool = False,
+        slopes: bool = False,  # they are always told
         decide: bool = False,  # all are solved to the end
         near: Solved | None = None,  # nothing is found sooner from there
         progress: Callable[[int], None] | None = None,
@@ -68,7 +68,7 @@ class ClosedFormUnits:
             if progress is not None:
                 progress(part.stop)
         turns = (slope @ widths + nominal)[:, None]
-        return Solved(turns, (), turns[..., None], slope[:, None, None]) if slopes else Solved(turns, ())
+        return Solved(turns, (), turns[..., None], slope[:, None, None])
 
 
 #: Units that are solved where no number is given: a yield of 99 % is known to half a per cent by them.
