@@ -201,7 +201,7 @@ def described(
         widths=_floats(widths),
         grades=tuple(grades),
         fixed=tuple(map(bool, costs.fixed)),
-        costs_before=_floats(costs.before),
+        costs_before=_floats(costs.each(costs.given)),
         costs=_floats(costs.each(widths)),
         used_before=used_before[0],
         closed_form=verified(closed, widths, count=CLOSED_UNITS, seed=seed).limits[0].quantile(level),

@@ -208,15 +208,8 @@ class CostModel:
         return np.array([choice.fixed for choice in self.choices], dtype=bool)
 
     def each(self, widths: Array) -> Array:
-        """Cost of every entry."""
-        pairs = zip(self.choices, widths, strict=True)
-        return np.array([choice.cost.cost(float(width)) if choice.cost else 0.0 for choice, width in pairs])
-
-    @property
-    def before(self) -> Array:
-        """Cost of every entry at the widths as given, not a number where no grade is as fine."""
-        known = np.array([_is_sold(choice.cost, w) for choice, w in zip(self.choices, self.given, strict=True)])
-        return np.where(known, self.each(np.where(known, self.given, self.low)), np.nan)
+        """Cost of every entry; not a number where no grade is as fine."""
+        return np.array([_cost_of(choice.cost, float(w)) for choice, w in zip(self.choices, widths, strict=True)])
 
     def total(self, widths: Array) -> float:
         """Cost of all entries."""
@@ -263,7 +256,7 @@ def cost_model(labels: Sequence[str], given: Array, choices: Sequence[Choice]) -
     for e, (label, choice) in enumerate(zip(labels, choices, strict=True)):
         cost, bounds = choice.cost, choice.bounds
         if choice.fixed:
-            if not _is_sold(cost, float(given[e])):
+            if math.isnan(_cost_of(cost, float(given[e]))):
                 raise InputError(
                     f"{label}: fixed, and finer than its finest grade; add a finer grade or leave the cost out"
                 )
@@ -286,9 +279,11 @@ def cost_model(labels: Sequence[str], given: Array, choices: Sequence[Choice]) -
     )
 
 
-def _is_sold(cost: Cost | None, width: float) -> bool:
-    """Whether a cost is known of a width: not of one finer than all grades."""
-    return not isinstance(cost, Grades) or cost.holds(width)
+def _cost_of(cost: Cost | None, width: float) -> float:
+    """Cost of a width, 0 where none is said; not a number of one that is finer than all grades."""
+    if isinstance(cost, Grades) and not cost.holds(width):
+        return math.nan
+    return 0.0 if cost is None else cost.cost(width)
 
 
 def _allowed(label: str, table: Grades, bounds: tuple[float, float] | None) -> tuple[int, ...]:
