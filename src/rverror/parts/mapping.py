@@ -123,7 +123,6 @@ class Feature(PartColumns):
 class PartsMapping:
     """Content of a mapping file; `serial` is None where the name of the file is it, `count` where parts are single."""
 
-    path: str
     kind: str
     serial: Where | None
     count: Where | None
@@ -162,7 +161,7 @@ def load_parts_mapping(path: PathLike) -> PartsMapping:
         named[name] = scaled_rule(toml, (name,), table, 'name = "..."', "").where
     features = (_feature(toml, given[0], kind),) if given != ["error"] else ()
     groups = features or tuple(_error(toml, place, table, kind) for place, table in toml.tables("error"))
-    return PartsMapping(path=str(path), kind=kind, text=text_rules(toml), groups=groups, **named)
+    return PartsMapping(kind=kind, text=text_rules(toml), groups=groups, **named)
 
 
 def _error(toml: TomlText, place: KeyPath, table: Mapping[str, Any], kind: str) -> ErrorColumns:

@@ -24,7 +24,7 @@ from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import LoadedUnits
 from rverror.tolerances.loaded_yield import COUNT as LOADED_COUNT, Verified, loaded_units, verified
 from rverror.tolerances.sampling import COUNT, VirtualUnits, virtual_units
-from rverror.tolerances.sobol import SobolIndices, sobol_indices, stack_indices, without_joined
+from rverror.tolerances.sobol import COUNT as INDEX_COUNT, SobolIndices, sobol_indices, stack_indices, without_joined
 from rverror.tolerances.specification import Limit, limit
 from rverror.tolerances.stacking import Stack, stack
 
@@ -61,10 +61,6 @@ def _turns(units: LoadedUnits, points: Array) -> Array:
     found = units.solved(units.stack.standard(points), units.stack.width).turns
     known = np.isfinite(found)
     return np.where(known, found, np.mean(found, axis=0, where=known))
-
-
-#: Points of the Sobol indices where no number is given.
-INDEX_COUNT = 2**13
 
 
 @dataclass(frozen=True)
