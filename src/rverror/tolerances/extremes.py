@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ _ROUNDING = 1e-15  # of a mean: a waveform that leaves it by less is constant
 _BLOCK = 2**16  # samples of a block of units, 0.5 MB: sums and peaks stay in a core's cache
 
 
-@dataclass(frozen=True)
-class Extremes:
+class Extremes(NamedTuple):
     """Sizes of the output error of many units over one revolution."""
 
     peak_to_peak: Array  #: (units,); largest less smallest value

@@ -186,7 +186,7 @@ def error_budget(
         shares: tuple[SobolIndices | None, ...] = (None,) * len(limits)
         if index_count:
             turns = partial(_turns, loaded)
-            shares = sobol_indices(turns, drawn_by, len(limits), count=POINTS, seed=seed, progress=progress)
+            shares = sobol_indices(turns, drawn_by, count=POINTS, seed=seed, progress=progress)
         errors = [one.quantity == "transmission_error" for one in loaded.limits]
         worst = loaded.solved((closed.worst.peak_to_peak_values / width[loaded.stack.entry])[None], width).turns[0]
         known = [

@@ -39,7 +39,6 @@ _LONGEST_CHUNK = 2**14
 _CHUNKS = 12  # that a job has at least, where it has enough units: as many workers share it
 _STEP = 1024  # units drawn at a time
 _CELL = 2.0**-30  # distance of neighbouring Sobol points
-_SIZES = ("peak_to_peak", "max", "rms", "offset")
 
 
 class IntervalEstimate(NamedTuple):
@@ -149,11 +148,10 @@ class _Chunks:
         return slice(index * self.chunk, min((index + 1) * self.chunk, self.count))
 
     def __call__(self, index: int) -> Array:
-        """Sizes of one chunk, shape (4, units)."""
+        """Sizes of one chunk, those of `Extremes`, shape (4, units)."""
         span, dimensions = self.span(index), self.sampler.stack.dimensions
         blocks = uniforms(span.stop - span.start, dimensions, seed=self.seed, index=index)
-        parts = [self.sampler.sizes(block) for block in blocks]
-        return np.array([np.concatenate([getattr(part, name) for part in parts]) for name in _SIZES])
+        return np.concatenate([self.sampler.sizes(block) for block in blocks], axis=1)
 
 
 def virtual_units(
@@ -218,7 +216,7 @@ def virtual_units(
     check_seed(seed)
     job = _Chunks(sampler(stack), int(count), chunk_length(count), int(seed))
     store = None if folder is None else _Store(Path(folder), _digest(stack, job))
-    results = np.empty((len(_SIZES), job.count))
+    results = np.empty((len(Extremes._fields), job.count))
     missing = []
     for index in range(job.chunks):
         found = None if store is None else store.read(index)

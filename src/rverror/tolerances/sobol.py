@@ -44,20 +44,14 @@ class SobolIndices:
     points: int  #: points A and B each; the function was evaluated points * (groups + 2) times
 
 
-def _replicate(
-    function: Callable[[Array], Array], groups: Integers, points: int, seed: int, outputs: int, index: int
-) -> Array:
+def _replicate(function: Callable[[Array], Array], groups: Integers, points: int, seed: int, index: int) -> Array:
     """Values on one scramble: of A, of B, and of A with each group from B, shape (groups + 2, points, outputs)."""
-    dimensions, done = groups.size, 0
-    numbers = range(int(groups.max(initial=-1)) + 1)
-    values = np.empty((len(numbers) + 2, points, outputs))
-    for block in uniforms(points, 2 * dimensions, seed=seed, index=index):
-        a, b = block[:, :dimensions], block[:, dimensions:]
+    numbers, blocks = range(int(groups.max(initial=-1)) + 1), []
+    for block in uniforms(points, 2 * groups.size, seed=seed, index=index):
+        a, b = (np.ascontiguousarray(half) for half in np.split(block, 2, axis=1))
         mixed = (np.where(groups == group, b, a) for group in numbers)
-        for row, drawn in zip(values, (np.ascontiguousarray(a), np.ascontiguousarray(b), *mixed), strict=True):
-            row[done : done + len(block)] = function(drawn).reshape(len(block), -1)
-        done += len(block)
-    return values
+        blocks.append([function(drawn).reshape(len(block), -1) for drawn in (a, b, *mixed)])
+    return np.concatenate(blocks, axis=1)
 
 
 def _peak_to_peaks(sampler: Sampler, points: Array) -> Array:
@@ -68,7 +62,6 @@ def _peak_to_peaks(sampler: Sampler, points: Array) -> Array:
 def sobol_indices(
     function: Callable[[Array], Array],
     groups: npt.ArrayLike,
-    outputs: int = 1,
     *,
     count: int = COUNT,
     seed: int = 0,
@@ -84,7 +77,6 @@ def sobol_indices(
         ``function(uniforms)``, shape (points, dimensions) -> (points,) or (points, outputs).
     groups : array_like of int, shape (dimensions,)
         Group to which each variate belongs, 0 to groups - 1; a group's variates are exchanged together.
-    outputs : int
     count : int
         Points, rounded down to a power of two for each of 16 scrambles, which have 16 at least.
     confidence : float
@@ -121,10 +113,10 @@ def sobol_indices(
     check_seed(seed)
     belongs = np.asarray(groups, dtype=np.intp)
     points = max(_FEWEST, 1 << max(0, (count // _REPLICATES).bit_length() - 1))
-    task = partial(_replicate, function, belongs, points, int(seed), outputs)
+    task = partial(_replicate, function, belongs, points, int(seed))
     replicates = computed(task, range(_REPLICATES), executor, progress, "Sobol indices")
     values = np.array([found for _, found in replicates])
-    return tuple(_indices(values[..., output], confidence) for output in range(outputs))
+    return tuple(_indices(output, confidence) for output in np.moveaxis(values, -1, 0))
 
 
 def _indices(values: Array, confidence: float) -> SobolIndices | None:
