@@ -29,6 +29,8 @@ Orders = Callable[[Mechanism, Indices], tuple[float, ...]]
 _ACTS = frozenset({"contacts", "output", "reading", "marks"})
 _FOLLOWS = frozenset({"angle", "time", "speed"})
 _OF_RUNS = frozenset({"time", "torque"})  # that a source may need
+#: Names of two parameters that are one vector, or one wave: it turns with the part.
+VECTORS = ("x", "y"), ("cos", "sin"), ("radial_cos", "radial_sin"), ("tangential_cos", "tangential_sin")
 #: Frames whose errors meet their contacts again after one turn of the crank against the carrier.
 _CARRIER_SIDE = frozenset({"carrier", "disc", "crank", "planet", "bearing", "direction"})
 

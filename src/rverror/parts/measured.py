@@ -11,7 +11,7 @@ from rverror.base.errors import InputError
 from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.cycloid import LOBE_PROFILE, first_root
 from rverror.geartrain.mechanism import Reducer
-from rverror.geartrain.source import IndexValue
+from rverror.geartrain.source import VECTORS, IndexValue
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
 
@@ -116,15 +116,6 @@ def _ordered(error: Effect, counted: str, place: int) -> dict[str, IndexValue]:
     """All indices, in the order of the source."""
     given: dict[str, IndexValue] = {**error.indices, counted: place}
     return {index.name: given[index.name] for index in source(error.key).indices}
-
-
-#: Pairs of parameters that turn with their part: by the harmonic where the source has one, else by the angle itself.
-_VECTORS = (
-    ("x", "y"),
-    ("cos", "sin"),
-    ("radial_cos", "radial_sin"),
-    ("tangential_cos", "tangential_sin"),
-)
 
 
 @dataclass(frozen=True)
@@ -302,9 +293,9 @@ def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) 
     if error.key == LOBE_PROFILE:  # from root to root, alike on all lobes
         return error
     names = [parameter.name for parameter in source(error.key).parameters]
-    waves = int(error.indices.get("harmonic", 1))
+    waves = int(error.indices.get("harmonic", 1))  # by which a vector turns, else by the angle itself
     values = list(error.values)
-    for x, y in ((names.index(a), names.index(b)) for a, b in _VECTORS if a in names):
+    for x, y in ((names.index(a), names.index(b)) for a, b in VECTORS if a in names):
         turned = complex(values[x], values[y]) * cmath.exp(1j * waves * angle)
         values[x], values[y] = turned.real, turned.imag
     return replace(error, values=tuple(values))

@@ -13,7 +13,7 @@ from rverror.base import units
 from rverror.base.errors import InputError, check_each, refusing
 from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import Index, IndexValue, Parameter
+from rverror.geartrain.source import VECTORS, Index, IndexValue, Parameter
 from rverror.model.catalogue import source
 from rverror.tolerances.cost import SAME_WIDTH, Choice, Cost, Grades
 from rverror.tolerances.distribution import (
@@ -172,14 +172,8 @@ DISTRIBUTIONS: Mapping[str, type[Distribution]] = {
     law.name: law for law in (Uniform, Triangular, Normal, TruncatedNormal, Lognormal, Rayleigh, Circle, Ring)
 }
 
-#: Names of parameters that are the two components of one vector.
-PAIRS = (
-    ("x", "y"),
-    ("radial", "tangential"),
-    ("cos", "sin"),
-    ("radial_cos", "radial_sin"),
-    ("tangential_cos", "tangential_sin"),
-)
+#: Names of parameters that are the two components of one vector, in the directions of its place too.
+PAIRS = (("radial", "tangential"), *VECTORS)
 
 
 @dataclass(frozen=True)
