@@ -162,13 +162,12 @@ class SamplingRule:
         Parts of one class: what they have in common, and what the widest class leaves to each.
         """
         rows = np.arange(self.components.start, self.components.stop, dtype=np.intp)
+        if self.classes > 1:
+            return self._worst_of_classes(rows)
         circles = self.distribution.vector or self.random_phase
         by_vector = rows.reshape(self.instances, -1, 2 if circles else 1)
         as_one = self.correlation == 1 and not self.random_phase
-        kept = [by_vector[:, v] for v in range(by_vector.shape[1])]
-        if self.classes > 1:
-            return self._worst_of_classes(rows)
-        groups = kept if as_one else [vector[i : i + 1] for i in range(self.instances) for vector in kept]
+        groups = by_vector.swapaxes(0, 1) if as_one else by_vector.reshape(-1, 1, by_vector.shape[2])
         radius = 1.0 if self.distribution.vector or not circles else math.sqrt(2)  # a box turned about its corner
         return tuple(WorstGroup(group, radius) for group in groups)
 

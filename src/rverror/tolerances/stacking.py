@@ -124,8 +124,7 @@ class Stack(OneLine):
     @property
     def middle(self) -> Array:
         """Middle of the limits of each standard draw, whose mean is 0, shape (m,)."""
-        counts = [rule.instances * rule.terms for rule in self.rules]
-        return np.repeat([rule.distribution.middle for rule in self.rules], counts)
+        return np.array([rule.distribution.middle for rule in self.rules])[self.entry]
 
     def at_middle(self, width: Array | None = None) -> Array:
         """Output error with all toleranced values in the middle of their limits, rad, shape (n,)."""
