@@ -15,7 +15,7 @@ import scipy
 from rverror.base.arrays import Array
 from rverror.tolerances.closed_form import GroupWaves, towards
 from rverror.tolerances.cost import CostModel
-from rverror.tolerances.least_cost import ROUNDS, Constraint, Row, minimised, pulled_in
+from rverror.tolerances.least_cost import ROUNDS, Constraint, Row, minimised
 from rverror.tolerances.loaded_units import Solved
 from rverror.tolerances.loaded_yield import Units
 from rverror.tolerances.stacking import Stack
@@ -58,17 +58,15 @@ class WorstPeakToPeak(Constraint):
         own = np.bincount(stack.entry, values * between, len(stack.labels)).astype(np.float64)
         return own, float(stack.nominal[i] - stack.nominal[j])
 
-    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+    def cheapest(self, costs: CostModel, limit: float, rows: list[Row]) -> Array:
         """By the rows so far, and those that this solution turns out to need, until it needs no other."""
-        if self.measure(costs.low)[0] > limit:
-            return None
         for _ in range(ROUNDS):
             widths = self._for_rows(costs, limit, rows)
             new = self.exceeding(widths, limit)
             if not new:
                 break
             rows.extend(new)
-        return pulled_in(costs, self, limit, widths)
+        return widths
 
     def _for_rows(self, costs: CostModel, limit: float, rows: list[Row]) -> Array:
         """Widths of least cost for the rows alone."""
@@ -158,10 +156,8 @@ class SampleQuantile(Constraint):
         worst = int(values.argmax())
         return float(values[worst]), (slopes[worst], float(values[worst] - slopes[worst] @ widths))
 
-    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+    def cheapest(self, costs: CostModel, limit: float, rows: list[Row]) -> Array:
         """By all quantiles at once, which need no rows."""
-        if self.measure(self.best(costs))[0] > limit:
-            return None
         if self.measure(costs.high)[0] <= limit:
             return costs.high
 
@@ -170,7 +166,7 @@ class SampleQuantile(Constraint):
             return 1 - values / limit, -slopes / limit
 
         start = np.clip(costs.given, costs.low, costs.high)
-        return pulled_in(costs, self, limit, minimised(costs, start, room, accuracy=_ACCURACY))
+        return minimised(costs, start, room, accuracy=_ACCURACY)
 
     def best(self, costs: CostModel) -> Array:
         """Widths with the least largest quantile: what helps one limit may harm another, as pins take up play.

@@ -41,8 +41,8 @@ class Constraint(ABC):
         """What is limited, and the row that is equal to it here."""
 
     @abstractmethod
-    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
-        """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs."""
+    def cheapest(self, costs: CostModel, limit: float, rows: list[Row]) -> Array:
+        """Smooth widths of least cost that meet the limit, or nearly; adds the rows that it needs."""
 
     def best(self, costs: CostModel) -> Array:
         """Widths at which the least is used of the limit: mostly the least ones."""
@@ -52,6 +52,25 @@ class Constraint(ABC):
         """Rows above the limit here; none where the widths meet it."""
         value, row = self.measure(widths)
         return [row] if value > limit * (1 + CLOSE) else []
+
+    def least(self, costs: CostModel, limit: float, rows: list[Row]) -> Array | None:
+        """Smooth widths of least cost, None where no widths meet the limit; adds the rows that it needs.
+
+        The cheapest are drawn towards the best ones until they meet the limit exactly; a hair, where they nearly do.
+        What is limited is convex, or nearly so, so that it falls at least as the chord does.
+        """
+        best = self.best(costs)
+        least = self.measure(best)[0]
+        if least > limit:
+            return None
+        widths = self.cheapest(costs, limit, rows)
+        for _ in range(ROUNDS):
+            value = self.measure(widths)[0]
+            if value <= limit:
+                break
+            share = (limit - least) / (value - least) if value > least else 0.0
+            widths = best + share * (1 - 1e-13) * (widths - best)
+        return widths
 
 
 # --- smooth costs ------------------------------------------------------------------------------------------------
@@ -93,22 +112,6 @@ def minimised(
     return np.clip(full(found.x), costs.low, costs.high)
 
 
-def pulled_in(costs: CostModel, constraint: Constraint, limit: float, widths: Array) -> Array:
-    """Widths drawn towards the best ones until they meet the limit exactly; a hair, where they nearly do.
-
-    What is limited is convex, or nearly so, so that it falls at least as the chord does.
-    """
-    best = constraint.best(costs)
-    least = constraint.measure(best)[0]
-    for _ in range(ROUNDS):
-        value = constraint.measure(widths)[0]
-        if value <= limit:
-            break
-        share = (limit - least) / (value - least) if value > least else 0.0
-        widths = best + share * (1 - 1e-13) * (widths - best)
-    return widths
-
-
 def shadow_price(costs: CostModel, limit: float, rows: list[Row], widths: Array) -> float:
     """Cost saved per unit by which the limit is raised: the multipliers of the rows that bind, by least squares."""
     binding = [row for row, offset in rows if row @ widths + offset >= limit * (1 - 1e-7)]
@@ -134,11 +137,11 @@ class Found(NamedTuple):
 
 def least_cost(costs: CostModel, constraint: Constraint, limit: float, rows: list[Row]) -> Found | None:
     """Least cost over smooth widths and grades, None where none meets the limit; adds the rows that it needs."""
-    if constraint.measure(constraint.best(costs))[0] > limit:
-        return None
     if not costs.tables:
         widths = constraint.least(costs, limit, rows)
         return None if widths is None else Found(widths, ())
+    if constraint.measure(constraint.best(costs))[0] > limit:
+        return None
     best: Found | None = None
     curved = [int(e) for e in np.flatnonzero(costs.smooth & (costs.factor > 0))]
     tangents = [(e, float(width)) for e in curved for width in np.geomspace(costs.low[e], costs.high[e], _TANGENTS)]
