@@ -79,7 +79,7 @@ def test_softening_is_the_derivative(
         step = 1e-5 if parameter == "gear_backlash" else 1e-3 if parameter.endswith(("exponent", "curvature")) else 1e-4
 
         def solved(by: float, parameter: str = parameter) -> tuple[np.ndarray, np.ndarray]:
-            state = here.elastic(changed(unit, parameter, by)).equilibrium(effects)
+            state = here.elastic(changed(unit, parameter, by)).settled(effects).equilibrium()
             pins = np.linalg.norm(state.contact_forces["pin"], axis=2)
             return state.transmission_error, pins.reshape(-1, THETA.size)
 
@@ -183,7 +183,7 @@ def test_influences_are_the_derivatives_by_any_law(monkeypatch: pytest.MonkeyPat
             for sign in (1, -1):
                 values = tuple(v + sign * step * (i == term) for i, v in enumerate(one.values))
                 moved = (*effects[:index], replace(one, values=values), *effects[index + 1 :])
-                ends.append(where.equilibrium(moved).transmission_error)
+                ends.append(where.settled(moved).transmission_error)
             slope = (ends[0] - ends[1]) / (2 * step)
             assert np.median(np.abs(slope - rows[at])) < 1e-6 * np.abs(rows).max()
             at += 1

@@ -162,8 +162,7 @@ def equilibrium(
     >>> np.sign(swung.transmission_error).tolist()
     [-1.0, 1.0]
     """
-    statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    return replace(statics.equilibrium(model.effects), model=model, conditions=read)
+    return _solved(model, theta, torque=torque, direction=direction, time=time)[1]
 
 
 def linearise(
@@ -202,22 +201,30 @@ def linearise(
     >>> pin.matrix.shape
     (2, 2)
     """
-    statics, read = _statics_of(model, theta, torque=torque, direction=direction, time=time)
-    found = statics.settled(model.effects, response=True)
-    state = replace(statics.read(found, model.effects), model=model, conditions=read)
-    return Linearisation(state, statics.motion, found.forces_per_torque())
+    found, state = _solved(model, theta, torque=torque, direction=direction, time=time, response=True)
+    return Linearisation(state, found.contacts.motion, found.forces_per_torque())
 
 
-def _statics_of(model: Model, theta: Any, **conditions: Any) -> tuple[Statics, OperatingConditions]:
-    """Statics where the gear train stands when the bench reads theta, and the conditions as it reads them."""
+def _solved(
+    model: Model, theta: Any, *, torque: Any, direction: Any, time: Any, response: bool = False
+) -> tuple[Settled, Equilibrium]:
+    """Settled pose where the gear train stands when the bench reads theta, and its state as the bench reads it."""
     check_model(model)
     unit, angles = reducer_of(model.mechanism), model.angles if theta is None else theta
-    if conditions["torque"] is None and not isinstance(angles, OperatingConditions):
-        conditions["torque"] = unit.rated_torque
-    where = stand(model, pose(unit, angles, **conditions))
+    if torque is None and not isinstance(angles, OperatingConditions):
+        torque = unit.rated_torque
+    where = stand(model, pose(unit, angles, torque=torque, direction=direction, time=time))
     assert isinstance(where.gears, Contacts)
-    read = {field.name: getattr(where.read, field.name) for field in fields(OperatingConditions)}
-    return replace(statics_along(where.gears), read_at=where.read.theta), OperatingConditions(**read)
+    found = statics_along(where.gears).settled(model.effects, response=response)
+    state, read = found.equilibrium(), where.read
+    return found, replace(
+        state,
+        # what acts beyond the contacts keeps to the bench's zero, with all that stands there
+        transmission_error=state.transmission_error + added(model.effects, read),
+        theta=read.theta,
+        model=model,
+        conditions=OperatingConditions(**{item.name: getattr(read, item.name) for item in fields(OperatingConditions)}),
+    )
 
 
 def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics:
@@ -290,14 +297,11 @@ class Statics:
         Whose stiffness, backlash and contact law count.
     torque : float or ndarray, shape (n,)
         Size of the output torque, N*mm.
-    read_at : ndarray, shape (n,), optional
-        Angles of the bench where they are not the gear's, rad.
     """
 
     contacts: Geometry
     reducer: Reducer
     torque: float | Array
-    read_at: Array | None = None
 
     @property
     def motion(self) -> Contacts:
@@ -375,18 +379,6 @@ class Statics:
     def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
         """Change of the contact forces per unit of output torque."""
         return self.settled(effects, start, response=True).forces_per_torque()
-
-    def equilibrium(self, effects: tuple[Effect, ...]) -> Equilibrium:
-        """`equilibrium` for these errors."""
-        return self.read(self.settled(effects), effects)
-
-    def read(self, found: Settled, effects: tuple[Effect, ...]) -> Equilibrium:
-        """State as it is read."""
-        state = found.equilibrium()
-        # what acts beyond the contacts keeps to the bench's zero, with all that stands there
-        read = self.motion if self.read_at is None else motion(self.reducer, self.motion.at(self.read_at))
-        turned = state.transmission_error + added(effects, read)
-        return replace(state, transmission_error=turned, theta=read.theta)
 
 
 @dataclass(frozen=True)
