@@ -205,7 +205,7 @@ class ReducedMotion:
         still, follows = self.whole.train.reading @ state, self.whole.train.reading @ rest
 
         def error(speed: float) -> Array:
-            moved = self.oscillator.response(speed**2 * force, speed=speed) if speed else np.zeros_like(force)
+            moved = self.oscillator.response(speed**2 * force, speed=speed)
             return np.asarray(still + speed**2 * follows + (self.reading * moved).sum(axis=0))
 
         return error
@@ -340,9 +340,9 @@ class MovingReducer:
         Output turns.
     where : Stand
     motion : ReducedMotion
-    frequency : ndarray, shape (size,)
-        Of the mean stiffness, Hz.
-    of_sun_support : ndarray of bool, shape (size,)
+    frequency : ndarray, shape (m,)
+        Of the mean stiffness, as far as modes keep their inertia, Hz.
+    of_sun_support : ndarray of bool, shape (m,)
     settled, halfway : Settled
         Loaded state at these angles and half a step further on.
     """
@@ -434,8 +434,10 @@ def moving_reducer(
         driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
         first = int(np.flatnonzero((frequency > 0) & ~on_support)[0])
         kept = max(int((frequency <= REACH * driven).sum()), first + 1)
-    motion = whole.reduced(max(kept, 1))
-    return MovingReducer(unit, size, direction, period, where, motion, frequency, on_support, settled, halfway)
+    kept = max(kept, 1)
+    return MovingReducer(
+        unit, size, direction, period, where, whole.reduced(kept), frequency[:kept], on_support[:kept], settled, halfway
+    )
 
 
 def _period(effects: Sequence[Effect], unit: Reducer) -> int:

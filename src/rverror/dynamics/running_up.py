@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
@@ -18,7 +17,6 @@ from rverror.base.viewed import Viewed
 from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import ReducedMotion, moving_reducer
 from rverror.dynamics.time_integration import periodic
-from rverror.dynamics.train import loaded_reducer
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, unread
@@ -139,23 +137,19 @@ def run_up(
     """
     check_model(model)
     direction = direction_sign(direction)
-    unit, size = loaded_reducer(model, torque)
     if model.bench.position_control_stiffness == 0:
         raise InputError(
             "position_control_stiffness = 0: nothing makes the input follow a speed; give a control, or leave it out "
             "for an input that does"
         )
     stops, speeds = _stops(times, input_speeds)
+    fastest = float(speeds.max())
+    made = moving_reducer(model, torque=torque, direction=direction, fastest=fastest, kept=kept)
+    unit, moving, forced = made.unit, made.motion, made.motion.forced
     at_stops = direction * speeds / unit.ratio
-    fastest = float(np.abs(at_stops).max())
-    load = units.InCore(size)
-    made = moving_reducer(model, torque=load, direction=direction, fastest=fastest * unit.ratio, kept=kept)
-    moving, forced = made.motion, made.motion.forced
-    driven = max(fundamental_orders(unit).values()) * fastest / (2 * math.pi)
-    followed = slice(moving.basis.shape[1])
-    frequency, on_support = made.frequency[followed], made.of_sun_support[followed]
+    driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
     if samples is None:
-        samples = 1 + math.ceil(_SAMPLES * max(float(frequency.max()), driven) * float(stops[-1] - stops[0]))
+        samples = 1 + math.ceil(_SAMPLES * max(float(made.frequency.max()), driven) * float(stops[-1] - stops[0]))
     if samples < 2:
         raise InputError(f"samples = {samples}: give 2 times or more")
     time = np.linspace(stops[0], stops[-1], samples)
@@ -185,11 +179,11 @@ def run_up(
         transmission_error=crawl + turn**2 * by_speed + acceleration * by_acceleration + (reading * moved).sum(axis=0),
         crawl=crawl,
         windup=acceleration * by_acceleration + (reading * twisted.T).sum(axis=0),
-        output_torque=size + direction * inertia_torque,
-        frequency=frequency,
-        of_sun_support=on_support,
+        output_torque=made.torque + direction * inertia_torque,
+        frequency=made.frequency,
+        of_sun_support=made.of_sun_support,
         ratio=unit.ratio,
-        torque=size,
+        torque=made.torque,
         direction=direction,
     )
 
@@ -218,7 +212,5 @@ def _course(time: Array, turn: Array, *, smooth: bool) -> Any:
 
 def _start_state(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:
     """Coordinates and rates at theta = 0 of the periodic motion at a speed."""
-    if turn == 0:
-        return np.zeros(moving.basis.shape[1]), np.zeros(moving.basis.shape[1])
     moved = moving.response(turn)
     return moved[:, 0], turn * slope(moved, 2 * math.pi / moving.whole.period)[:, 0]
