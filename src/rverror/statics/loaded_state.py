@@ -376,10 +376,6 @@ class Statics:
         softening = np.ascontiguousarray(found.solution.softening.T)
         return Prediction(found.transmission_error, found.influences(effects), softening, found.solution.x)
 
-    def forces(self, effects: tuple[Effect, ...], start: Array | None = None) -> ContactForces:
-        """Change of the contact forces per unit of output torque."""
-        return self.settled(effects, start, response=True).forces_per_torque()
-
 
 @dataclass(frozen=True)
 class Prediction(OneLine):

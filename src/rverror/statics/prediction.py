@@ -20,13 +20,8 @@ from rverror.statics.energy import Layout
 from rverror.statics.loaded_state import Prediction, statics_of
 
 
-def uses_equilibrium(model: Model, conditions: OperatingConditions) -> bool:
-    """Tell whether the loaded equilibrium predicts, as it does for a reducer under a known torque."""
-    return isinstance(model.mechanism, Reducer) and (conditions.load is not None or bool(conditions.torque))
-
-
 def predict(model: Model, conditions: OperatingConditions) -> Prediction:
-    """Predict the output error and its change with every parameter.
+    """Predict the output error and its change with every parameter: of a reducer under a known torque at the load.
 
     Parameters
     ----------
@@ -48,7 +43,7 @@ def predict(model: Model, conditions: OperatingConditions) -> Prediction:
         ahead = conditions.at(conditions.theta + model.index_offset)  # where the gear train stands
         turned = predict(replace(model, effects=gears), ahead)
         return _as_read(model, motion(model.mechanism, conditions), turned)
-    if not uses_equilibrium(model, conditions):
+    if not isinstance(model.mechanism, Reducer) or (conditions.load is None and not conditions.torque):
         where = motion(model.mechanism, conditions)
         matrix = effect_matrix(where, closed_form_forces(where), model.effects)
         return Prediction(effect_values(model.effects) @ matrix, matrix)

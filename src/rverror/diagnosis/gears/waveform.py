@@ -170,4 +170,4 @@ class LoadCase:
             return where, closed_form_forces(where)
         statics = self._statics(wave.unit, self.turn)
         start = wave.poses if wave.grid == self.turn else self._carried(wave, self.turn)
-        return statics.motion, statics.forces(wave.effects, start)
+        return statics.motion, statics.settled(wave.effects, start, response=True).forces_per_torque()
