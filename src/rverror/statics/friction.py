@@ -84,14 +84,14 @@ class Efficiency(Viewed):
     @property
     def mean(self) -> float:
         """Work that comes out over work that goes in, over all angles."""
-        out, into = (np.array([side.sum()]) for side in self.out_and_in())
-        return float(_over(out, into)[0])
+        out, into = self.out_and_in()
+        return float(_over(out.sum(), into.sum()))
 
     @property
     def by_part(self) -> Mapping[str, float]:
         """Share of the work put in that each kind of contact takes, keyed as `losses`."""
-        into = np.array([self.out_and_in()[1].sum()])
-        return {part: float(_over(np.array([lost.sum()]), into)[0]) for part, lost in self.losses.items()}
+        into = self.out_and_in()[1].sum()
+        return {part: float(_over(lost.sum(), into)) for part, lost in self.losses.items()}
 
     @property
     def self_locking(self) -> bool:
@@ -104,8 +104,9 @@ class Efficiency(Viewed):
         return (at_output, at_input) if self.drives == "input" else (at_input, at_output)
 
 
-def _over(one: Array, other: Array) -> Array:
-    return np.divide(one, other, out=np.zeros_like(one), where=other != 0)
+def _over(one: Any, other: Any) -> Array:
+    """One over the other, 0 where that is none."""
+    return np.asarray(np.divide(one, other, out=np.zeros_like(one), where=other != 0))
 
 
 def efficiency(

@@ -479,14 +479,11 @@ class _Wearing:
     def lost(self, x: _Worn) -> _Worn:
         """What is worn off, from pressure times sliding."""
         by, deep = self.by, 1 / math.cos(self.reducer.pressure_angle)
-        lobes = by.disc * x.lobes
-        if "disc" in self.rough:
-            lobes = lobes + _waves_of(self._run_in("disc", _over_phases(x.lobes)))
         rough = [
             self._run_in(*one, surfaces=self.flanks * deep) for one in zip(("sun", "planet"), x.thinning, strict=True)
         ]
         return _Worn(
-            lobes,
+            by.disc * x.lobes + _waves_of(self._run_in("disc", _over_phases(x.lobes))),
             by.disc * x.slow,
             by.pin * x.pin + self._run_in("pin", x.pin),
             by.pin * x.each_pin,
