@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from published_pictures import picture_lines
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, slope
 from rverror.base.units import ARCSEC
 from rverror.dynamics.at_speed import speed_response
-from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import moving_reducer
 from rverror.dynamics.natural_modes import Modes, modes
 from rverror.dynamics.running_up import RunUp, run_up

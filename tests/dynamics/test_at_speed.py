@@ -16,9 +16,9 @@ from hypothesis import given, reject, settings, strategies as st
 import rverror
 from rverror import Model, Reducer, effect
 from rverror.app.command_line import main
+from rverror.base.arrays import slope
 from rverror.base.units import ARCSEC
 from rverror.dynamics import modes, speed_response
-from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import LoadedMotion, loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain import Inertia, Stiffness

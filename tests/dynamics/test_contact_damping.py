@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 
 import rverror
 from rverror import Model, Reducer, effect
+from rverror.base.arrays import slope
 from rverror.dynamics import modes, speed_response
-from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain.contacts import pose

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from rverror import InputError
-from rverror.dynamics.harmonic_balance import Oscillator, slope
+from rverror.base.arrays import slope
+from rverror.dynamics.harmonic_balance import Oscillator
 from rverror.dynamics.time_integration import Forced
 
 COUNT = 64

@@ -12,9 +12,10 @@ from scipy.special import fresnel
 
 import rverror
 from rverror import InputError, Model, effect
+from rverror.base.arrays import slope
 from rverror.base.units import ARCSEC
 from rverror.dynamics import RunUp, modes, run_up, speed_response
-from rverror.dynamics.harmonic_balance import Oscillator, slope
+from rverror.dynamics.harmonic_balance import Oscillator
 from rverror.dynamics.time_integration import Forced, periodic
 from rverror.model import Bench
 from strategies import variant

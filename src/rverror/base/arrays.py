@@ -1,4 +1,4 @@
-"""Types of arrays, and plane vectors along the last but one axis of one; the samples are the last one."""
+"""Types of arrays, plane vectors along the last but one axis of one, slopes of waves; the samples are the last one."""
 
 from __future__ import annotations
 
@@ -52,3 +52,24 @@ def unit_vectors(vectors: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """z component of the vector product over the xy axis, of vectors as `dot` takes them."""
     return np.asarray(a[..., 0, :] * b[..., 1, :] - a[..., 1, :] * b[..., 0, :], dtype=np.float64)
+
+
+def slope(rows: Array, step: float, power: int = 1) -> Array:
+    """Derivative of periodic rows over the angle, by their Fourier series.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (..., n)
+        At even angles of one period.
+    step : float
+        Waves per radian of the longest wave.
+    power : int
+        Which derivative.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    count = rows.shape[-1]
+    # of the shortest wave, which has no slope at its samples, the inverse leaves an imaginary part out
+    return np.asarray(np.fft.irfft(np.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power, count))

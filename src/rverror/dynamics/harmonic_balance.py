@@ -28,27 +28,6 @@ _REACH = 3  # neighbours to either side
 _TOP = 0.98  # of the shortest wave that the samples hold: so far differences are fitted
 
 
-def slope(rows: Array, step: float, power: int = 1) -> Array:
-    """Derivative of periodic rows over the angle, by their Fourier series.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (..., n)
-        At even angles of one period.
-    step : float
-        Waves per radian of the longest wave.
-    power : int
-        Which derivative.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-    """
-    count = rows.shape[-1]
-    # of the shortest wave, which has no slope at its samples, the inverse leaves an imaginary part out
-    return np.asarray(scipy.fft.irfft(scipy.fft.rfft(rows) * (1j * step * np.arange(count // 2 + 1)) ** power, count))
-
-
 @dataclass(frozen=True)
 class Oscillator:
     """A system with mass 1 in every coordinate, at n even angles of one period.

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from rverror.base import units
-from rverror.base.arrays import Array, Flags
+from rverror.base.arrays import Array, Flags, slope
 from rverror.base.errors import InputError
-from rverror.dynamics.harmonic_balance import Oscillator, slope
+from rverror.dynamics.harmonic_balance import Oscillator
 from rverror.dynamics.time_integration import Forced
 from rverror.dynamics.train import SUPPORTED, Train, loaded_reducer, natural_motions
 from rverror.geartrain.contacts import pose

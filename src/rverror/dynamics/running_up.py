@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rverror.base.arrays import Array, Flags
+from rverror.base.arrays import Array, Flags, slope
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
-from rverror.dynamics.harmonic_balance import slope
 from rverror.dynamics.loaded_motion import ReducedMotion, moving_reducer
 from rverror.dynamics.time_integration import periodic
 from rverror.geartrain.kinematics import fundamental_orders

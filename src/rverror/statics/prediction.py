@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, slope
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import OperatingConditions, Pose, frame_orders, true_period
 from rverror.geartrain.mechanism import Mechanism, Reducer
@@ -67,12 +67,6 @@ def turned(reducer: Reducer, poses: Array, angle: Array) -> Array:
     return result
 
 
-def _change_with_angle(row: Array, theta: Array) -> Array:
-    """Derivative of a row over whole periods, by its Fourier series."""
-    wave_numbers = 2j * np.pi * np.fft.rfftfreq(row.size, float(theta[1] - theta[0]))
-    return np.asarray(np.fft.irfft(np.fft.rfft(row) * wave_numbers, row.size), dtype=np.float64)
-
-
 def _as_read(model: Model, read: Pose, loaded: Prediction) -> Prediction:
     """Put what acts beyond the gear train back among its effects, in the model's order."""
     reading = {"output": np.ones((1, read.theta.size))}
@@ -80,7 +74,8 @@ def _as_read(model: Model, read: Pose, loaded: Prediction) -> Prediction:
     for effect in model.effects:
         count = len(effect.values)
         if source(effect.key).acts == "marks":
-            matrix = _change_with_angle(loaded.transmission_error, read.theta)[None]
+            travel = read.theta.size * float(read.theta[1] - read.theta[0])
+            matrix = slope(loaded.transmission_error, 2 * math.pi / travel)[None]
         elif source(effect.key).at_output:
             matrix = source_matrix(read, reading, effect.key, effect.indices)
             error = error + np.array(effect.values) @ matrix
