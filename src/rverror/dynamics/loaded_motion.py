@@ -152,19 +152,15 @@ class ReducedMotion:
         )
 
     @cached_property
-    def _followed(self) -> tuple[Array, Array]:
-        """Of nominal motion and equilibrium: force of inertia on the coordinates, (m, n), and pose, (size, n)."""
+    def followed(self) -> tuple[Array, Array]:
+        """Of nominal motion and equilibrium per speed squared: force of inertia on the coordinates, (m, n), and pose
+        that the other modes take as springs, (size, n)."""
         return self._follow(self.whole.inertia_force)
 
     @cached_property
-    def _sped_up(self) -> tuple[Array, Array]:
+    def sped_up(self) -> tuple[Array, Array]:
         """The same per rad/s^2 of the output."""
         return self._follow(self.whole.swing_force)
-
-    @property
-    def rest(self) -> tuple[Array, Array]:
-        """Pose that the other modes take as springs per speed squared and per rad/s^2, each (size, n)."""
-        return self._followed[1], self._sped_up[1]
 
     def _follow(self, given: Array) -> tuple[Array, Array]:
         """Force on the coordinates, and the pose that the other modes take as springs under a force, (size, n)."""
@@ -179,7 +175,7 @@ class ReducedMotion:
     @cached_property
     def forced(self) -> Forced:
         """Its equations with what drives them at any course of the speed."""
-        return Forced(self.oscillator, self._followed[0], self._sped_up[0])
+        return Forced(self.oscillator, self.followed[0], self.sped_up[0])
 
     def response(self, speed: float, near: Array | None = None) -> Array:
         """Motion about the loaded state in these coordinates, (m, n).
@@ -191,12 +187,12 @@ class ReducedMotion:
         near : ndarray, shape (m, n), optional
             A motion that is likely near.
         """
-        return self.oscillator.response(speed**2 * self._followed[0], speed=speed, near=near)
+        return self.oscillator.response(speed**2 * self.followed[0], speed=speed, near=near)
 
     def error(self, moved: Array, speed: float) -> Array:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
         train = self.whole.train
-        still = train.reading @ (self.whole.state + speed**2 * self._followed[1])
+        still = train.reading @ (self.whole.state + speed**2 * self.followed[1])
         return np.asarray(still + (self.reading * moved).sum(axis=0))
 
     def share(self, state: Array, course: Array) -> ErrorAtSpeed:
@@ -213,7 +209,7 @@ class ReducedMotion:
     def pose(self, moved: Array, speed: float, at: slice) -> Array:
         """Motion of the parts about the loaded state in the housing frame, (size, n), at some of the angles."""
         whole = self.whole
-        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self._followed[1][:, at]
+        own = np.einsum("nci,in->cn", self.shapes[at], moved[:, at]) + speed**2 * self.followed[1][:, at]
         return in_frames(whole.train, own, -whole.theta[at])
 
     @cached_property

@@ -13,7 +13,7 @@ from rverror.base import units
 from rverror.base.arrays import Array, Flags
 from rverror.base.directions import Direction, direction_sign
 from rverror.base.viewed import Viewed
-from rverror.dynamics.train import SUPPORTED, Train, loaded_reducer, natural_motions
+from rverror.dynamics.train import SUPPORTED, Train, loaded_reducer, natural_motions, whole_inertia
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Inertia
 from rverror.model.effects import Model, check_model
@@ -148,7 +148,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
         kinetic_energy=kinetic,
         sensitivity=changes,
         of_sun_support=strain["sun_support"] > SUPPORTED,
-        inertia=train.weights,
+        inertia=whole_inertia(unit),
         estimated=tuple(name for name in train.inertias if getattr(unit.inertia, name, 0.0) is None),
         torque=size,
         theta=angle,

@@ -160,7 +160,7 @@ def run_up(
     whole = moving.whole
     read, ends = whole.train.reading, [at for part in ("carrier", "load") for at in whole.train.place(part)[-1:]]
     still = read @ whole.state + added(unread(model).effects, made.where.read)
-    rest = [read @ rows for rows in moving.rest]
+    rest = [read @ rows for _, rows in (moving.followed, moving.sped_up)]
     inertia = [rows[ends].sum(axis=0) for rows in (whole.inertia_force, whole.swing_force)]
     rows = periodic(np.stack([still, *rest, *inertia, *moving.reading]), whole.period)(theta).T
     (crawl, by_speed, by_acceleration, heavy, swung), reading = rows[:5], rows[5:]

@@ -179,16 +179,11 @@ class Train:
     bench: Bench
 
     @cached_property
-    def weights(self) -> Inertia:
-        """Mass and moment of inertia of every part, given or estimated."""
-        return whole_inertia(self.reducer)
-
-    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """Every part with its coordinates."""
         layout, size = Layout(self.reducer), Layout(self.reducer).size
         sun: tuple[int, ...] = (layout.sun, layout.sun + 1)
-        if self.sun_turns:
+        if (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness) != (None, None):
             sun, size = (*sun, size), size + 1
         found = [Part("carrier", (0, 1, 2), "carrier_mass", "carrier_inertia")]
         found += [
@@ -205,11 +200,6 @@ class Train:
         return tuple(found)
 
     @property
-    def sun_turns(self) -> bool:
-        """Whether the sun may turn against its nominal angle."""
-        return (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness) != (None, None)
-
-    @property
     def size(self) -> int:
         """Number of coordinates."""
         return 1 + max(at for part in self.parts for at in part.at)
@@ -220,7 +210,7 @@ class Train:
 
     @property
     def sun_angle(self) -> tuple[int, ...]:
-        """Coordinate of the sun's angle, if any."""
+        """Coordinate of the sun's angle; none where the input holds it at its nominal one."""
         return self.place("sun")[2:]
 
     @cached_property
@@ -232,13 +222,13 @@ class Train:
             if value:
                 found.setdefault(name, np.zeros(self.size))[list(at)] += value
 
-        values = self.weights.given() | self.bench.given()  # a bench that has none of them gives none
+        values = whole_inertia(self.reducer).given() | self.bench.given()  # a bench that has none of them gives none
         for part in self.parts:
             if part.mass:
                 put(part.mass, values[part.mass], part.at[:2])
             put(part.inertia, values.get(part.inertia, 0.0), part.at[-1:] if len(part.at) != 2 else ())
         # what is rigidly coupled turns with its neighbour
-        if self.sun_turns and self.bench.input_coupling_stiffness is None:
+        if self.sun_angle and self.bench.input_coupling_stiffness is None:
             put("input_inertia", self.bench.input_inertia, self.sun_angle)
         if self.bench.load_coupling_stiffness is None:
             put("load_inertia", self.bench.load_inertia, self.place("carrier")[2:])
