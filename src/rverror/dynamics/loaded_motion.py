@@ -306,10 +306,9 @@ def _centres(train: Train) -> Array:
 def _nominal_rate(train: Train) -> Array:
     """Rate of the nominal motion per unit of speed, in the frames of the parts, (size,)."""
     rate, turns = train.turns * (train.quarter_turn @ _centres(train)), frame_orders(train.reducer)
-    for part in train.parts:
-        if len(part.at) != 2:  # a sun whose angle is held has none
-            kind = {"input": "sun", "load": "carrier"}.get(part.name, part.name.split()[0])
-            rate[part.at[-1]] = turns[kind]
+    for name, at in train.parts.items():
+        if len(at) != 2:  # a sun whose angle is held has none
+            rate[at[-1]] = turns[{"input": "sun", "load": "carrier"}.get(name, name.split()[0])]
     return np.asarray(rate)
 
 

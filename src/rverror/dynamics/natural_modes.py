@@ -143,7 +143,7 @@ def modes(model: Model, *, torque: Any | None = None, theta: Any = 0.0, directio
     return Modes(
         frequency=frequency,
         damping_ratio=ratio,
-        shape={part.name: phi[list(part.at)] * math.sqrt(units.unit_factor("kg", "mass")) for part in train.parts},
+        shape={name: phi[list(at)] * math.sqrt(units.unit_factor("kg", "mass")) for name, at in train.parts.items()},
         strain_energy=strain,
         kinetic_energy=kinetic,
         sensitivity=changes,

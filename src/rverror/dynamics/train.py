@@ -147,25 +147,6 @@ def loaded_reducer(model: Model, torque: Any | None) -> tuple[Reducer, float]:
 
 
 @dataclass(frozen=True)
-class Part:
-    """One moving part.
-
-    Attributes
-    ----------
-    name : str
-    at : tuple of int
-        Its coordinates: x, y, angle; x, y; or an angle alone.
-    mass, inertia : str
-        Names of what moves along, empty for none, and of what turns.
-    """
-
-    name: str
-    at: tuple[int, ...]
-    mass: str
-    inertia: str
-
-
-@dataclass(frozen=True)
 class Train:
     """What moves of a reducer on its bench.
 
@@ -179,34 +160,32 @@ class Train:
     bench: Bench
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """Every part with its coordinates."""
+    def parts(self) -> Mapping[str, tuple[int, ...]]:
+        """Coordinates of every part: x, y, angle; x, y; or an angle alone."""
         layout, size = Layout(self.reducer), Layout(self.reducer).size
-        sun: tuple[int, ...] = (layout.sun, layout.sun + 1)
-        if (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness) != (None, None):
-            sun, size = (*sun, size), size + 1
-        found = [Part("carrier", (0, 1, 2), "carrier_mass", "carrier_inertia")]
-        found += [
-            Part(f"{kind} {number}", (at, at + 1, at + 2), f"{kind}_mass", f"{kind}_inertia")
-            for kind, places in (("disc", layout.disc), ("crank", layout.crank))
-            for number, at in enumerate(places)
-        ]
-        found.append(Part("sun", sun, "sun_mass", "sun_inertia"))
-        if None not in (self.bench.position_control_stiffness, self.bench.input_coupling_stiffness):
-            found.append(Part("input", (size,), "", "input_inertia"))
+        motor = self.bench.position_control_stiffness, self.bench.input_coupling_stiffness
+        found: dict[str, tuple[int, ...]] = {"carrier": (0, 1, 2)}
+        for kind, places in (("disc", layout.disc), ("crank", layout.crank)):
+            found |= {f"{kind} {number}": (at, at + 1, at + 2) for number, at in enumerate(places)}
+        found["sun"] = (layout.sun, layout.sun + 1)
+        if motor != (None, None):
+            found["sun"] += (size,)
+            size += 1
+        if None not in motor:
+            found["input"] = (size,)
             size += 1
         if self.bench.load_coupling_stiffness is not None:
-            found.append(Part("load", (size,), "", "load_inertia"))
-        return tuple(found)
+            found["load"] = (size,)
+        return found
 
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        return 1 + max(at for part in self.parts for at in part.at)
+        return 1 + max(max(at) for at in self.parts.values())
 
     def place(self, part: str) -> tuple[int, ...]:
         """Coordinates of a part; none where it does not move."""
-        return next((one.at for one in self.parts if one.name == part), ())
+        return self.parts.get(part, ())
 
     @property
     def sun_angle(self) -> tuple[int, ...]:
@@ -223,10 +202,11 @@ class Train:
                 found.setdefault(name, np.zeros(self.size))[list(at)] += value
 
         values = whole_inertia(self.reducer).given() | self.bench.given()  # a bench that has none of them gives none
-        for part in self.parts:
-            if part.mass:
-                put(part.mass, values[part.mass], part.at[:2])
-            put(part.inertia, values.get(part.inertia, 0.0), part.at[-1:] if len(part.at) != 2 else ())
+        for name, at in self.parts.items():
+            kind = name.split()[0]
+            if len(at) > 1:
+                put(f"{kind}_mass", values[f"{kind}_mass"], at[:2])
+            put(f"{kind}_inertia", values.get(f"{kind}_inertia", 0.0), at[-1:] if len(at) != 2 else ())
         # what is rigidly coupled turns with its neighbour
         if self.sun_angle and self.bench.input_coupling_stiffness is None:
             put("input_inertia", self.bench.input_inertia, self.sun_angle)
@@ -267,19 +247,19 @@ class Train:
         """Turns per output turn of the frame in which each coordinate is written; 0 for angles."""
         turns = frame_orders(self.reducer)
         made = np.zeros(self.size)
-        for part in self.parts:
-            if part.mass:
+        for name, at in self.parts.items():
+            if len(at) > 1:
                 # the discs' frames stand with their eccentric directions
-                made[list(part.at[:2])] = turns["crank" if part.name.startswith("disc") else "carrier"]
+                made[list(at[:2])] = turns["crank" if name.startswith("disc") else "carrier"]
         return made
 
     @cached_property
     def quarter_turn(self) -> Array:
         """Matrix that turns each pair of x and y a quarter ahead, to (-y, x); 0 for angles."""
         made = np.zeros((self.size, self.size))
-        for part in self.parts:
-            if part.mass:
-                x, y = part.at[:2]
+        for at in self.parts.values():
+            if len(at) > 1:
+                x, y = at[:2]
                 made[x, y], made[y, x] = -1.0, 1.0
         return made
 
