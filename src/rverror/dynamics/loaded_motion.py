@@ -276,20 +276,15 @@ def held_waves(train: Train, state: Array, between: Array, theta: Array, period:
 
 
 def in_frames(train: Train, rows: Array, theta: Array) -> Array:
-    """Rows of coordinates in the housing frame, (size, n), in those of the parts."""
+    """Rows of coordinates in the housing frame, (..., size, n), in those of the parts."""
     angle = train.turns[:, None] * theta
     return np.cos(angle) * rows - np.sin(angle) * (train.quarter_turn @ rows)
 
 
 def _turned(train: Train, matrix: Array, theta: Array) -> Array:
-    """Matrices in the housing frame, (n, size, size), in the frames of the parts."""
-    angle = train.turns * theta[:, None]
-    cos, sin = np.cos(angle), np.sin(angle)
-
-    def rows(matrix: Array) -> Array:
-        return np.asarray(cos[..., None] * matrix - sin[..., None] * (train.quarter_turn @ matrix))
-
-    return rows(np.swapaxes(rows(matrix), 1, 2))
+    """Matrices in the housing frame, (n, size, size), in the frames of the parts: first their rows, then columns."""
+    rows = in_frames(train, _samples_last(matrix), theta)
+    return np.moveaxis(in_frames(train, np.swapaxes(rows, 0, 1), theta), -1, 0)
 
 
 def _centres(train: Train) -> Array:
