@@ -288,11 +288,9 @@ def speed_response(
     pulling = _pulling(moving, made.settled)
     crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
     errors, pulled = np.empty((rows.size, count)), []
-    per_square: Array | None = None  # what is driven grows with the square of the speed
     for at, speed in enumerate(rows):
         turn = made.turn(float(speed))
-        moved = moving.response(turn, None if per_square is None else turn**2 * per_square)
-        per_square = moved / turn**2 if turn else None
+        moved = moving.response(turn)
         errors[at] = moving.error(moved, turn) + beyond
         pulled.append(pulling(moved, turn))
     return SpeedResponse(

@@ -79,7 +79,7 @@ class Oscillator:
         )
         return stiffness, damping
 
-    def response(self, force: Array, *, speed: float, near: Array | None = None) -> Array:
+    def response(self, force: Array, *, speed: float) -> Array:
         """Periodic motion under a force that turns with the angle.
 
         Parameters
@@ -87,8 +87,6 @@ class Oscillator:
         force : ndarray, shape (m, n)
         speed : float
             dtheta/dt, rad/s, of either sign.
-        near : ndarray, shape (m, n), optional
-            A motion that is likely near, such as that at a speed beside it.
 
         Returns
         -------
@@ -104,8 +102,6 @@ class Oscillator:
         balance = _Balance(self, speed)
         right = balance.held(vector.T @ force)
         enough = np.linalg.norm(right)
-        begin = np.zeros_like(right) if near is None else vector.T @ near
-        left = right if near is None else right - balance.equation(scipy.fft.rfft(begin))
         for approximate, directions, restarts in (
             (balance.by_mean, _AT_MEAN, 1),
             (balance.by_neighbours, _AT_ONCE, _RESTARTS),
@@ -117,9 +113,9 @@ class Oscillator:
 
             operator = scipy.sparse.linalg.LinearOperator((right.size, right.size), matvec=apply, dtype=np.float64)
             found, failed = scipy.sparse.linalg.gmres(
-                operator, left.reshape(-1), rtol=0.0, atol=TOLERANCE * enough, restart=directions, maxiter=restarts
+                operator, right.reshape(-1), rtol=0.0, atol=TOLERANCE * enough, restart=directions, maxiter=restarts
             )
-            moved = scipy.fft.rfft(begin) + answer(found.reshape(right.shape))
+            moved = answer(found.reshape(right.shape))
             if not failed:
                 break
         else:

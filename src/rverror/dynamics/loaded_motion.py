@@ -177,17 +177,9 @@ class ReducedMotion:
         """Its equations with what drives them at any course of the speed."""
         return Forced(self.oscillator, self.followed[0], self.sped_up[0])
 
-    def response(self, speed: float, near: Array | None = None) -> Array:
-        """Motion about the loaded state in these coordinates, (m, n).
-
-        Parameters
-        ----------
-        speed : float
-            Of the output, rad/s, of either sign.
-        near : ndarray, shape (m, n), optional
-            A motion that is likely near.
-        """
-        return self.oscillator.response(speed**2 * self.followed[0], speed=speed, near=near)
+    def response(self, speed: float) -> Array:
+        """Motion about the loaded state in these coordinates, (m, n), at a speed of the output, rad/s, of any sign."""
+        return self.oscillator.response(speed**2 * self.followed[0], speed=speed)
 
     def error(self, moved: Array, speed: float) -> Array:
         """Output error of the loaded state and a motion about it at a speed, (n,)."""
