@@ -91,9 +91,7 @@ class PredictedWaves:
             )
         count = turns * (samples_needed(mechanism) if isinstance(mechanism, Reducer) else _PLAIN)
         theta = turns * _TURN * np.arange(count) / count
-        where = OperatingConditions(
-            theta, condition.direction, condition.torque or None, temperature=condition.temperature
-        )
+        where = OperatingConditions(theta, condition.direction, condition.torque or None)
         error = predict(replace(self.model, effects=self.corrected), where).transmission_error
         lines = 2 * np.fft.rfft(error)[1 : count // 2] / count
         strong = np.flatnonzero(np.abs(lines) > max(_TINY * np.abs(lines).max(), 1e-3 * _TINY * units.ARCSEC))
