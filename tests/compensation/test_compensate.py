@@ -228,3 +228,12 @@ def test_speed_is_a_condition_of_a_run_with_time() -> None:
     assert all(one.after < 0.05 * one.before for one in made.unseen)
     loads = rverror.compensate(model, [slow, run(100.4, 15.0, 3e4)], unseen=[run(100.2, 10.0, 2e4)])
     assert loads.unseen[0].after < 0.05 * loads.unseen[0].before
+
+
+def test_what_no_table_takes_is_the_effect_alone() -> None:
+    """The elastic train under the load of a run is none of it: next to no such effect leaves the run as it is."""
+    runs = runs_of(SOFT, ((1.0, 200e3),), points=512, turns=2, rms=0.1)
+    next_to_none = rverror.effect("sensor.ratio_error", slope=1e-15)
+    plain, told = (rverror.compensate(rverror.Model(OTHER, effects), runs) for effects in ((), (next_to_none,)))
+    assert told.before.rms == pytest.approx(plain.before.rms, rel=1e-9)
+    assert told.after.rms == pytest.approx(plain.after.rms, rel=1e-9)

@@ -28,11 +28,13 @@ from rverror.compensation.repeating import (
     records_of,
     repeating_orders,
 )
+from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import OperatingConditions, samples_needed, true_period
 from rverror.geartrain.mechanism import Reducer, core_torque
 from rverror.model.catalogue import source
 from rverror.model.compensation import WAVE
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Model
+from rverror.model.readings import added
 from rverror.runs.measurement import Run
 from rverror.runs.order_table import OrderCase, OrderTable, TableCondition, Waves
 from rverror.runs.spectrum import frames_of_order
@@ -99,13 +101,9 @@ class PredictedWaves:
 
     def __call__(self, where: OperatingConditions, condition: TableCondition) -> tuple[Array, Array]:
         """What the model makes of the error, and what of that no table can take, rad."""
-        slow = self._added(self.slow, where)
-        return wave_sum(where.theta, *self.waves(condition)) + slow + self._added(self.old, where), slow
-
-    def _added(self, effects: tuple[Effect, ...], where: OperatingConditions) -> Array:
-        if not effects:
-            return np.zeros(where.theta.size)
-        return predict(replace(self.model, effects=effects), where).transmission_error
+        read = motion(self.model.mechanism, where)
+        slow = added(self.slow, read)
+        return wave_sum(where.theta, *self.waves(condition)) + slow + added(self.old, read), slow
 
 
 _MOST_LISTED = 5
