@@ -284,20 +284,17 @@ def speed_response(
     check_model(model)
     rows, direction = _speeds(input_speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
-    moving, count, beyond = made.motion, made.theta.size, added(unread(model).effects, made.where.read)
+    moving, beyond = made.motion, added(unread(model).effects, made.where.read)
     pulling = _pulling(moving, made.settled)
-    crawl = moving.error(np.zeros((moving.basis.shape[1], count)), 0.0) + beyond
-    errors, pulled = np.empty((rows.size, count)), []
-    for at, speed in enumerate(rows):
-        turn = made.turn(float(speed))
-        moved = moving.response(turn)
-        errors[at] = moving.error(moved, turn) + beyond
-        pulled.append(pulling(moved, turn))
+    turns = [made.turn(float(speed)) for speed in rows]
+    motions = [(moving.response(turn), turn) for turn in turns]
+    errors = np.array([moving.error(*one) for one in motions]) + beyond
+    pulled = [pulling(*one) for one in motions]
     return SpeedResponse(
         speed=rows,
         theta=made.theta,
         transmission_error=errors,
-        crawl=crawl,
+        crawl=moving.error(moving.response(0.0), 0.0) + beyond,
         period=made.period,
         frequency=made.frequency,
         of_sun_support=made.of_sun_support,
