@@ -9,7 +9,7 @@ import pytest
 
 import rverror
 from rverror.geartrain.kinematics import OperatingConditions
-from rverror.geartrain.mechanism import ContactLaw, Reducer
+from rverror.geartrain.mechanism import BearingPreload, ContactLaw, Reducer
 from rverror.model.effects import Effect, Model, effect
 from rverror.statics.loaded_state import NotConvergedError
 from rverror.statics.prediction import predict
@@ -40,11 +40,13 @@ UNIFORM = {
 }
 
 
+@pytest.mark.parametrize("preload", [0.0, 0.0005, 0.002], ids=["none", "a little", "more than the load lifts"])
 @pytest.mark.parametrize("law", [ContactLaw(), LINE], ids=["linear", "line contact"])
 @pytest.mark.parametrize("key", UNIFORM)
-def test_all_contacts_softer_are_a_declared_stiffness(key: str, law: ContactLaw) -> None:
+def test_all_contacts_softer_are_a_declared_stiffness(key: str, law: ContactLaw, preload: float) -> None:
     indices, name = UNIFORM[key]
-    unit = rverror.reducer("RV-40E", contact_law=law)
+    tight = BearingPreload(crank_bearing=preload, carrier_bearing=preload)
+    unit = rverror.reducer("RV-40E", contact_law=law, bearing_preload=tight)
     declared = getattr(unit.stiffness, name)
     more = 0.4 / declared
     softer = replace(unit, stiffness=replace(unit.stiffness, **{name: 1 / (1 / declared + more)}))

@@ -266,8 +266,7 @@ def case_json(case: SolvedCase) -> dict[str, Any]:
         "phase": "a wave is amplitude * cos(order * theta - phase)",
         "closed_form": _waveform_json(closed)
         | {"holds": what.closed_form or "it does not hold here", "rms_from_equilibrium_arcsec": in_arcsec(gap, DIGITS)},
-        "equilibrium": _waveform_json(loaded)
-        | {"largest_residual": rounded(case.imbalance, DIGITS)},
+        "equilibrium": _waveform_json(loaded) | {"largest_residual": rounded(case.imbalance, DIGITS)},
         "known": [{**one, "method": WORDS[one["method"]]} for one in what.known],
         "arrays": {name: ARRAYS[name] for name in arrays},
         "npz_sha256": hashlib.sha256(case_npz(case)).hexdigest(),
