@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
+from rverror import tolerance
 from rverror.base.errors import InputError
 from rverror.tolerances.cost import Grades, Reciprocal, ReciprocalSquare
 
@@ -84,3 +85,9 @@ def test_no_cost_of_no_width(cost, width):
 def test_grades_refuse_what_is_no_table(widths, prices, names, says):
     with pytest.raises(InputError, match=says):
         Grades(widths, prices, names)
+
+
+@pytest.mark.parametrize("bounds", [("1 um", "20 um", "30 um"), ("1 um",), 5.0])
+def test_bounds_of_a_width_are_two(bounds):
+    with pytest.raises(InputError, match="crank.eccentricity: bounds: give the least and the largest width"):
+        tolerance("crank.eccentricity", "10 um", bounds=bounds)

@@ -512,7 +512,16 @@ def tolerance(
         size = law.width
         if isinstance(law, Samples):
             means = {p.name: law.mean for p in chosen}
-    limits = None if bounds is None else tuple(units.named_core(f"{key}: bounds", value, dimension) for value in bounds)
+    limits = None
+    if bounds is not None:
+        try:
+            least, most = bounds
+        except (TypeError, ValueError) as problem:
+            raise InputError(
+                f"{key}: bounds: give the least and the largest width, such as ('5 um', '20 um')"
+            ) from problem
+        named = f"{key}: bounds"
+        limits = units.named_core(named, least, dimension), units.named_core(named, most, dimension)
     return Tolerance(
         key,
         size,
@@ -523,7 +532,7 @@ def tolerance(
         correlation,
         phase == "random",
         fixed,
-        None if limits is None else (limits[0], limits[1]),
+        limits,
         cost,
         name,
         dict(correlated_with or {}),
