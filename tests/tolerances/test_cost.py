@@ -89,5 +89,5 @@ def test_grades_refuse_what_is_no_table(widths, prices, names, says):
 
 @pytest.mark.parametrize("bounds", [("1 um", "20 um", "30 um"), ("1 um",), 5.0])
 def test_bounds_of_a_width_are_two(bounds):
-    with pytest.raises(InputError, match="crank.eccentricity: bounds: give the least and the largest width"):
+    with pytest.raises(InputError, match="bounds: give the least and the largest width"):
         tolerance("crank.eccentricity", "10 um", bounds=bounds)
