@@ -46,11 +46,11 @@ def test_an_offer_enters_at_its_sizes_or_at_those_that_a_workshop_makes() -> Non
 
 def test_a_cause_with_starts_begins_at_each_of_them() -> None:
     """Shares of what is plausible; one that every linear step tells the size of has none."""
-    found = started(PIN)
+    found = started((PIN.key, PIN.indices))
     plausible = np.array([p.plausible for p in source(PIN.key).parameters])
     assert [named(e) for e in found] == [named(PIN)] * len(source(PIN.key).starts)
     assert np.array([e.values for e in found]) == pytest.approx(np.array(source(PIN.key).starts) * plausible)
-    assert started(CAM) == []
+    assert started((CAM.key, CAM.indices)) == []
 
 
 def test_places_that_only_contacts_tell_apart() -> None:

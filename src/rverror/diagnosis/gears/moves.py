@@ -63,12 +63,13 @@ def equivalents(effect: Effect, unit: Mechanism) -> list[Effect]:
     return list({(named(other), other.values): other for other in found}.values())
 
 
-def started(effect: Effect) -> list[Effect]:
-    """The cause at each of its starts."""
-    plausible = [p.plausible for p in source(effect.key).parameters]
+def started(name: Named) -> list[Effect]:
+    """A candidate at each of its starts."""
+    key, indices = name
+    plausible = [p.plausible for p in source(key).parameters]
     return [
-        replace(effect, values=tuple(float(s * p) for s, p in zip(start, plausible, strict=True)))
-        for start in source(effect.key).starts
+        Effect(key, dict(indices), tuple(float(s * p) for s, p in zip(start, plausible, strict=True)))
+        for start in source(key).starts
     ]
 
 
@@ -95,33 +96,37 @@ class Starts:
     Parameters
     ----------
     declared : Model
+
+    Attributes
+    ----------
+    solved : int
+        How many had to be solved.
     """
 
     def __init__(self, declared: Model) -> None:
         """Nothing is solved yet."""
-        self.declared = declared
+        self.declared, self.solved = declared, 0
         self._plain: dict[object, list[Waveform]] = {}
         self._made: dict[object, list[Waveform] | None] = {}
 
-    def of(self, run_set: RunSet, effects: Sequence[Effect]) -> tuple[list[Waveform], list[list[Waveform] | None], int]:
-        """Waveforms of what is declared, those with each effect, and how many had to be solved.
-
-        They are None where there is no equilibrium.
-        """
+    def of(self, run_set: RunSet, names: Sequence[Named]) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
+        """Waveforms of what is declared, and those with each start of which there is an equilibrium."""
         where = tuple((c.direction, c.torque, None if c.turn.closed else c.turn) for c in run_set.conditions)
-        names = [(where, named(effect), effect.values) for effect in effects]
-        new = [(name, effect) for name, effect in zip(names, effects, strict=True) if name not in self._made]
+        effects = [effect for name in names for effect in started(name)]
+        starts: dict[object, Effect] = {(where, named(effect), effect.values): effect for effect in effects}
+        new = [name for name in starts if name not in self._made]
         base = run_set.solve(self.declared) if new or where not in self._plain else []
         plain = self._plain.setdefault(where, [wave.bare for wave in base])
 
-        def solve(effect: Effect) -> list[Waveform] | None:
+        def solve(name: object) -> list[Waveform] | None:
             try:
-                return [wave.bare for wave in run_set.solve(self.declared.with_effects(effect), base)]
+                return [wave.bare for wave in run_set.solve(self.declared.with_effects(starts[name]), base)]
             except NotConvergedError:
                 return None
 
-        self._made |= zip([name for name, _ in new], each(solve, [effect for _, effect in new]), strict=True)
-        return plain, [self._made[name] for name in names], len(new)
+        self._made |= zip(new, each(solve, new), strict=True)
+        self.solved += len(new)
+        return plain, [(effect, waves) for name, effect in starts.items() if (waves := self._made[name])]
 
 
 def marked(model: Model, offset: float) -> Model:
@@ -150,11 +155,6 @@ class Moves:
     offsets : sequence of float
         Where the gear's marks may be, where that is not known, the likeliest first, rad.
     starts : Starts
-
-    Attributes
-    ----------
-    spent : int
-        Solutions of the equilibrium.
     """
 
     def __init__(
@@ -163,7 +163,6 @@ class Moves:
         """Nothing is offered yet."""
         self.root, self.candidates, self.score = root, tuple(candidates), score
         self.offsets, self.starts = tuple(offsets), starts
-        self.spent = 0
         self._leading: list[Offer] = []
         self._last = dict[str, tuple[Array, tuple[Fit, list[Columns]]]]()
         self._once = Once()
@@ -171,7 +170,7 @@ class Moves:
     def anew(self, root: Hypothesis) -> Moves:
         """Moves under other noise; starts that were solved are solved, and what leads beside what is declared leads."""
         other = Moves(root, self.candidates, self.score, self.offsets, self.starts)
-        other.spent, other._leading = self.spent, self._leading
+        other._leading = self._leading
         return other
 
     # --- one cause more, or two ---------------------------------------------------------------------------------------
@@ -249,7 +248,7 @@ class Moves:
         sets.sort(key=lambda s: sum(a is not b for a, b in zip(s, added, strict=True)))
         sets = sets[1 : 1 + _MOST_MOVES]
         for at, own in enumerate(places):
-            there = {named(place): place for place in own}  # either sign begins alike
+            there = {named(place): (place.key, place.indices) for place in own}  # either sign begins alike
             sets += [(*added[:at], e, *added[at + 1 :]) for place in there.values() for e in started(place)]
         models = [
             replace(fit.model, effects=(*declared, *one_set))
@@ -440,14 +439,15 @@ class Moves:
 
     def _single_places(self, fit: Fit) -> list[Effect]:
         """Candidates of sources with one place, at each of their starts."""
-        names = [name for name in self.free(fit) if not name[1] and source(name[0]).starts]
-        return [e for key, _ in names for e in started(Effect(key, {}, (0.0,) * len(source(key).parameters)))]
+        return [effect for name in self.free(fit) if not name[1] for effect in started(name)]
 
     def _starts(self, fit: Fit, names: tuple[Named, ...]) -> list[Columns]:
         """The change that each start of some candidates makes beside what is declared, if a model has them not."""
         taken, run_set, offset = {named(e) for e in fit.model.effects}, fit.run_set, fit.model.index_offset
         which = tuple(map(identity, names))
-        plain, made = self._once(("starts", which), self.candidates, lambda: self._started(run_set, names))
+        plain, made = self._once(
+            ("starts", which), self.candidates, lambda: self.starts.of(run_set.coarser(_STARTS), names)
+        )
 
         def read() -> list[Array]:
             return run_set.of_each(partial(self._read, run_set, offset, plain, [waves for _, waves in made]))
@@ -459,19 +459,6 @@ class Moves:
             for at, (e, _) in enumerate(made)
             if named(e) not in taken
         ]
-
-    def _started(
-        self, run_set: RunSet, names: Sequence[Named]
-    ) -> tuple[list[Waveform], list[tuple[Effect, list[Waveform]]]]:
-        """Waveforms of the declared model, and with each start."""
-        effects = [
-            effect
-            for key, indices in names
-            for effect in started(Effect(key, dict(indices), (0.0,) * len(source(key).parameters)))
-        ]  # fmt: skip
-        plain, made, new = self.starts.of(run_set.coarser(_STARTS), effects)
-        self.spent += new
-        return plain, [(e, waves) for e, waves in zip(effects, made, strict=True) if waves]
 
     @staticmethod
     def _read(

@@ -86,7 +86,7 @@ class Search:
     @property
     def spent(self) -> int:
         """Solutions of the equilibrium under all conditions."""
-        return self._solved + self.moves.spent
+        return self._solved + self.moves.starts.solved
 
     # --- the loop -----------------------------------------------------------------------------------------------------
 
