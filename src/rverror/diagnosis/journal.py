@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from rverror.base.progress import Progress
-from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.result import Fate
 
 

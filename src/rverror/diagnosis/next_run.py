@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from rverror.base.text import describe
 from rverror.base.units import to_display
-from rverror.diagnosis.pairs import Cause, Coverage as Coverage, Pair, closed_form_states, is_delay
+from rverror.diagnosis.causes import Named
+from rverror.diagnosis.pairs import Coverage as Coverage, Pair, closed_form_states, is_delay
 from rverror.geartrain.kinematics import folded_order, samples_needed
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import Source
@@ -40,7 +41,7 @@ class Measurement:
     name: str
     what: str
     why: str
-    separates: tuple[Cause, ...] = ()
+    separates: tuple[Named, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _load(coverage: Coverage, mechanism: Mechanism, factor: float) -> str:
 
 
 def to_separate(
-    mechanism: Mechanism, effect: Effect, others: Sequence[Cause], coverage: Coverage
+    mechanism: Mechanism, effect: Effect, others: Sequence[Named], coverage: Coverage
 ) -> tuple[Measurement, ...]:
     """Measurements that would tell a named cause from others that explain the runs as well.
 

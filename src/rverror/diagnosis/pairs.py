@@ -10,11 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.diagnosis.causes import Named
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, pose
 from rverror.geartrain.kinematics import Pose, true_period
 from rverror.geartrain.mechanism import Mechanism
-from rverror.geartrain.source import IndexValue, Source
+from rverror.geartrain.source import Source
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Effect
@@ -23,7 +24,6 @@ _LONGEST_PERIOD = 12  # output turns over which waveforms are compared
 _SAME = 0.05  # share, rms, of a waveform below which another is the same: of an error ten times the noise, half of it
 _GRID = 2048  # angles a turn for the comparison; orders above half of it fold alike for all
 
-Cause = tuple[str, Mapping[str, IndexValue]]
 States = Mapping[float, tuple[Pose, ContactForces]]
 
 
@@ -73,7 +73,7 @@ class Pair:
     """
 
     effect: Effect
-    other: Cause
+    other: Named
     coverage: Coverage
     seen: States
     whole_turns: States
@@ -152,7 +152,7 @@ def closed_form_states(mechanism: Mechanism, travel: tuple[float, float] | None 
     return {way: (motion, closed_form_forces(motion)) for way, motion in motions.items()}
 
 
-def _waveforms(states: Sequence[tuple[Pose, ContactForces]], cause: Cause, together: bool) -> Array:
+def _waveforms(states: Sequence[tuple[Pose, ContactForces]], cause: Named, together: bool) -> Array:
     """Closed-form waveforms of a source, runs side by side, offsets taken off, shape (terms, runs n)."""
     runs = [source_matrix(motion, forces, *cause) for motion, forces in states]
     if not together:

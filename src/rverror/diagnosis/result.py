@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from rverror.base.arrays import Array
 from rverror.base.errors import former_name
 from rverror.base.viewed import Viewed
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.order_passport import OrderPassport
 from rverror.diagnosis.orders.resonances import Resonance
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect, Model
-
-Alike = tuple[tuple[str, Mapping[str, IndexValue]], ...]
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ class Addition:
 
     effect: Effect
     estimates: tuple[Estimate, ...]
-    indistinguishable: Alike
+    indistinguishable: tuple[Named, ...]
     orders: tuple[float, ...]
     heldout_rms: float
     notes: tuple[str, ...]

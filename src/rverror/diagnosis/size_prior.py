@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
+from rverror.diagnosis.causes import Named, identity
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
@@ -46,7 +47,7 @@ class SizePrior:
         """As some tolerances state; where two state a size both add to it."""
         covered, merged = [], dict[CauseKey, dict[str, float]]()
         for one in tolerances:
-            said = {_cause_key(one.key, at): sizes for at, sizes in one.usual(mechanism)}
+            said = {identity((one.key, at)): sizes for at, sizes in one.usual(mechanism)}
             covered.append(frozenset(said))
             for cause, sizes in said.items():
                 own = merged.setdefault(cause, {})
@@ -55,19 +56,15 @@ class SizePrior:
 
     def deviation(self, key: str, indices: Indices, workshop: float) -> tuple[float, ...]:
         """Standard deviation of each parameter; a workshop's is a share of the plausible size."""
-        stated = self.usual.get(_cause_key(key, indices), {}) if self.usual else {}
+        stated = self.usual.get(identity((key, indices)), {}) if self.usual else {}
         return tuple(stated.get(p.name, workshop * p.plausible) for p in source(key).parameters)
 
-    def notes(self, tried: Sequence[tuple[str, Indices]]) -> list[str]:
+    def notes(self, tried: Sequence[Named]) -> list[str]:
         """What is said of the tolerances, beside candidates that are tried."""
-        count, names = len(self.covered), {_cause_key(*one) for one in tried}
+        count, names = len(self.covered), set(map(identity, tried))
         unused = sum(map(names.isdisjoint, self.covered))
         left = f"; {unused} of nothing that is tried here, ignored" if unused else ""
         return [f"prior: sizes are expected as {count - unused} of {count} tolerances say{left}"] if count else []
 
 
 WORKSHOP = SizePrior()
-
-
-def _cause_key(key: str, indices: Indices) -> CauseKey:
-    return (key, *sorted(indices.items()))

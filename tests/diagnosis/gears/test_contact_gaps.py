@@ -8,8 +8,8 @@ import pytest
 import rverror
 from gear_runs import UNIT
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.contact_gaps import ContactGaps
-from rverror.diagnosis.gears.waveform import Named
 
 GAPS = ContactGaps(UNIT)
 GROUND: Named = ("cycloid.profile_modification", {})

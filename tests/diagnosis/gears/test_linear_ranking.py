@@ -14,10 +14,10 @@ from scipy.optimize import minimize
 import rverror
 from gear_runs import CAM, OFF, OTHER, UNIT, begin, runs_of, search_of
 from rverror.base.arrays import Array
+from rverror.diagnosis.causes import Named, identity
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, proposed
 from rverror.diagnosis.gears.ranking import SCALES, Columns, Offer, pairs, singles
-from rverror.diagnosis.gears.score import identity
-from rverror.diagnosis.gears.waveform import Named, softened
+from rverror.diagnosis.gears.waveform import softened
 from rverror.geartrain.mechanism import ContactLaw
 from rverror.model.catalogue import source
 from rverror.model.effects import Model

@@ -12,10 +12,11 @@ import pytest
 import rverror
 from gear_runs import BARE, CAM, LIGHT, TURN, UNIT, begin, runs_of
 from rverror.base.arrays import Array
+from rverror.diagnosis.causes import identity, named
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.moves import equivalents, marked, started, with_offer
 from rverror.diagnosis.gears.ranking import Offer
-from rverror.diagnosis.gears.score import Score, identity, named
+from rverror.diagnosis.gears.score import Score
 from rverror.diagnosis.gears.trial import Trial, distinct
 from rverror.diagnosis.policy import POLICY
 from rverror.model.catalogue import source

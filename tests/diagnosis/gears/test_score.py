@@ -16,11 +16,11 @@ from gear_runs import BARE, CAM, OTHER, TURN, UNIT, USUAL, record_of, runs_of, s
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, fitted
 from rverror.diagnosis.gears.ranking import Columns, Offer, singles
 from rverror.diagnosis.gears.record import records_of
-from rverror.diagnosis.gears.score import Hypothesis, Score, bent, identity, inexact, named, strained, unsure
-from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.gears.score import Hypothesis, Score, bent, inexact, strained, unsure
 from rverror.diagnosis.policy import POLICY
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model

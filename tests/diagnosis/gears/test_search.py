@@ -15,6 +15,7 @@ import rverror
 from gear_runs import BARE, CAM, LIGHT, OTHER, TURN, UNIT, USUAL, begin, beside, quiet, red, runs_of, search_of, settled
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.causes import identity, named
 from rverror.diagnosis.gears.account import half_widths
 from rverror.diagnosis.gears.fit import Fit, RunSet, evaluated, first_state, fitted, with_estimated_noise
 from rverror.diagnosis.gears.moves import marked
@@ -22,7 +23,7 @@ from rverror.diagnosis.gears.ranking import Offer, singles
 from rverror.diagnosis.gears.record import records_of
 from rverror.diagnosis.gears.reducers import with_marks
 from rverror.diagnosis.gears.residual_faults import nearly_noise
-from rverror.diagnosis.gears.score import Hypothesis, identity, inexact, named, strained
+from rverror.diagnosis.gears.score import Hypothesis, inexact, strained
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import best_lines
 from rverror.diagnosis.gears.trial import Trial

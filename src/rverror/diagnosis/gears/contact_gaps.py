@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.gears.waveform import Named
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
@@ -55,27 +55,27 @@ class ContactGaps:
     def _sized(self, effect: Effect, candidates: Sequence[Named]) -> Iterator[tuple[Effect, Array, float]]:
         """Other sources in the sizes that come nearest to an effect's gaps, their gaps, and the share they lack."""
         own = self.of((effect.key, effect.indices))
-        for key, indices in candidates:
-            rows = self.of((key, indices))
-            if own is None or rows is None or (key, dict(indices)) == (effect.key, dict(effect.indices)):
+        for name in candidates:
+            rows = self.of(name)
+            if own is None or rows is None or identity(name) == named(effect):
                 continue
             gaps = np.array(effect.values) @ own
             sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
             share = float(np.linalg.norm(gaps - sizes @ rows) / max(float(np.linalg.norm(gaps)), 1e-300))
-            yield Effect(key, dict(indices), tuple(map(float, sizes))), rows, share
+            yield Effect(name[0], dict(name[1]), tuple(map(float, sizes))), rows, share
 
-    def of(self, named: Named) -> Array | None:
+    def of(self, cause: Named) -> Array | None:
         """Gaps per parameter of a source, at some angles; None where it closes none of its own."""
-        key = (named[0], tuple(sorted(named[1].items())))
-        if key not in self._made:
-            self._made[key] = self._rows(named)
-        return self._made[key]
+        name = identity(cause)
+        if name not in self._made:
+            self._made[name] = self._rows(cause)
+        return self._made[name]
 
-    def _rows(self, named: Named) -> Array | None:
-        entry, indices = source(named[0]), named[1]
+    def _rows(self, cause: Named) -> Array | None:
+        (key, indices), entry = cause, source(cause[0])
         if entry.at_output:
             return None
-        units = [Effect(named[0], indices, tuple(row)) for row in np.eye(len(entry.parameters))]
+        units = [Effect(key, indices, tuple(row)) for row in np.eye(len(entry.parameters))]
         if isinstance(self._contacts.closings(units[0]), (Clearance, Compliance)):
             return None
         closings = [error_closing(self._contacts, (unit,)) for unit in units]

@@ -20,16 +20,10 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.chance import student
 from rverror.base.threads import each
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.observation import EverySample, MeanSamples, Observation
 from rverror.diagnosis.gears.record import Record, conditions_of
-from rverror.diagnosis.gears.waveform import (
-    SOFT_BOUNDS,
-    LoadCase,
-    Named,
-    Waveform,
-    soft_values,
-    softened,
-)
+from rverror.diagnosis.gears.waveform import SOFT_BOUNDS, LoadCase, Waveform, soft_values, softened
 from rverror.diagnosis.noise import noise_of, walking
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior

@@ -17,12 +17,13 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.diagnosis.gears.contact_gaps import ContactGaps
 from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, onto, without_effect
 from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
-from rverror.diagnosis.gears.score import Hypothesis, Score, identity, named
+from rverror.diagnosis.gears.score import Hypothesis, Score
 from rverror.diagnosis.gears.trial import Trial
-from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.gears.waveform import Waveform
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model

@@ -16,9 +16,10 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array, Flags
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.grid import AngleGrid, Readout
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.waveform import Named, Waveform
+from rverror.diagnosis.gears.waveform import Waveform
 from rverror.diagnosis.noise import Whitening, averaged
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.kinematics import Pose

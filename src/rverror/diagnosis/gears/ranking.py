@@ -20,8 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rverror.base.arrays import Array
+from rverror.diagnosis.causes import Named, identity
 from rverror.diagnosis.gears.fit import Fit, bounds
-from rverror.diagnosis.gears.waveform import Named
 from rverror.model.catalogue import source
 
 _REGULAR = 1e-9  # of two blocks that are as good as one
@@ -143,7 +143,7 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
         least, steps = np.where(better, objective, least), np.where(better, step, steps)
         worth = np.where(better, own, worth)
     costs = np.array([cost(block.name) for block in small])
-    names = [(block.name[0], tuple(sorted(block.name[1].items()))) for block in small]
+    names = [identity(block.name) for block in small]
     number = {name: at for at, name in enumerate(dict.fromkeys(names))}
     own = np.array([number[name] for name in names])
     apart = (own[:, None] < own) & np.isfinite(least) & np.isfinite(least.T)

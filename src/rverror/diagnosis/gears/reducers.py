@@ -11,6 +11,7 @@ import numpy as np
 from rverror.base.errors import InputError
 from rverror.base.progress import Progress
 from rverror.base.threads import each
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.diagnosis.gears.account import account, run_notes
 from rverror.diagnosis.gears.fit import (
     Fit,
@@ -30,7 +31,6 @@ from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.residual_faults import nearly_noise, without_residual_faults
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Diagnosis
@@ -270,12 +270,12 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
 def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:
     """Sources that are wanted, that the runs can show and the model does not have, with all their indices."""
     unit = model.mechanism
-    taken = [(e.key, dict(e.indices)) for e in model.effects]
+    taken = {named(e) for e in model.effects}
     return tuple(
         (key, indices)
         for key, entry in CATALOGUE.items()
         if entry.applies_to(unit) and wanted(entry)
         if not any(entry.lacks(unit, record) for record in records)
         for indices in entry.candidates(unit)
-        if (key, dict(indices)) not in taken
+        if identity((key, indices)) not in taken
     )

@@ -16,21 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.chance import chi_square
+from rverror.diagnosis.causes import Named, named
 from rverror.diagnosis.gears.fit import Fit, as_compared, counted, onto
 from rverror.diagnosis.gears.jumps import fall
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.policy import Policy
-from rverror.model.effects import Effect
-
-
-def identity(name: Named) -> tuple[object, ...]:
-    """Key and indices, to compare."""
-    return (name[0], *sorted(name[1].items()))
-
-
-def named(effect: Effect) -> tuple[object, ...]:
-    """`identity` of an effect."""
-    return identity((effect.key, effect.indices))
 
 
 @dataclass(frozen=True, eq=False)

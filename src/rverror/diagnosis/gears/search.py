@@ -14,15 +14,15 @@ import numpy as np
 
 from rverror.base.text import describe
 from rverror.base.threads import each
+from rverror.diagnosis.causes import Named, named
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto
 from rverror.diagnosis.gears.moves import Moves, Once, Starts, equivalents
 from rverror.diagnosis.gears.ranking import singles
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.residual_faults import nearly_noise
-from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, named, strained
+from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
 from rverror.diagnosis.gears.trial import Trial, distinct
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import Policy
 from rverror.model.effects import Model

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.diagnosis.causes import named
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
-from rverror.diagnosis.gears.score import Hypothesis, Score, named
+from rverror.diagnosis.gears.score import Hypothesis, Score
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import NotConvergedError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,15 +14,12 @@ from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.contacts import closed_form_forces, motion
 from rverror.geartrain.kinematics import OperatingConditions, Pose, fundamental_orders
 from rverror.geartrain.mechanism import LAW_BOUNDS, ContactLaw, Mechanism, Reducer, Stiffness
-from rverror.geartrain.source import IndexValue
 from rverror.geartrain.torque_over_turn import TorqueWaves
 from rverror.model.catalogue import source
 from rverror.model.compose import effect_matrix
 from rverror.model.effects import Effect
 from rverror.statics.loaded_state import SOFTENING, Statics, statics_of
 from rverror.statics.prediction import turned
-
-Named = tuple[str, Mapping[str, IndexValue]]
 
 _REPEAT_POINTS = 256  # angles of one turn of the crank: five times as dense as 2048 a turn
 _DENSER = 5  # than the grid of the travel, where that is coarse

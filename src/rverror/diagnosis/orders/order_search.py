@@ -18,10 +18,9 @@ import scipy
 from rverror.base.arrays import Array, Flags
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.diagnosis.gears.fit import Fit, bounds, evaluated, fitted, solved, stepped, without_effect
 from rverror.diagnosis.gears.ranking import Columns, columns_of
-from rverror.diagnosis.gears.score import identity, named
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.orders.table_set import TableSet
 from rverror.model.catalogue import source

@@ -18,11 +18,12 @@ import numpy.typing as npt
 from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces

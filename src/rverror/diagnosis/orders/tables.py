@@ -13,13 +13,13 @@ from rverror.base.arrays import Array
 from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.progress import Progress
+from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.account import elastic_within, estimated, printed
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import leading
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.order_passport import passport
 from rverror.diagnosis.orders.critical_conditions import critical_notes

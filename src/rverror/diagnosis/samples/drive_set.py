@@ -13,13 +13,13 @@ import numpy as np
 from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.units import DISPLAY_UNITS, to_display
+from rverror.diagnosis.causes import Named, identity
 from rverror.diagnosis.gears.fit import RunSet
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import EverySample, Observation
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.reducers import offered
-from rverror.diagnosis.gears.score import identity
-from rverror.diagnosis.gears.waveform import LoadCase, Named, Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Waveform
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.samples.records import DriveRecord
 from rverror.geartrain.action_line import ContactForces

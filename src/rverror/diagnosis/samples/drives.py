@@ -11,16 +11,16 @@ import numpy as np
 
 from rverror.base.progress import Progress
 from rverror.base.threads import each
+from rverror.diagnosis.causes import Named, identity, named
 from rverror.diagnosis.gears.account import account
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, with_estimated_noise, with_noise_of, without_effect
 from rverror.diagnosis.gears.moves import with_offer
 from rverror.diagnosis.gears.ranking import Offer, columns_of, singles
 from rverror.diagnosis.gears.reducers import searched_repeatedly
-from rverror.diagnosis.gears.score import Hypothesis, identity, named
+from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, best_lines, taken_off
 from rverror.diagnosis.gears.trial import Trial
-from rverror.diagnosis.gears.waveform import Named
 from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY, Policy
 from rverror.diagnosis.result import Addition, Diagnosis
