@@ -34,7 +34,6 @@ from rverror.geartrain.source import Indices
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrices
 from rverror.model.effects import Effect, Model
-from rverror.model.readings import felt
 from rverror.runs.noise import RunNoise
 from rverror.runs.spectrum import frames_of_order
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
@@ -207,7 +206,11 @@ class RunSet:
 
     def around(self, model: Model) -> tuple[Effect, ...]:
         """Effects of the gear train that are solved; a sun's whose turns do not close are added by their influence."""
-        return tuple(e for e in felt(model.effects) if not self.apart(e.key))
+        return tuple(e for e in model.effects if self.on_grid(e.key))
+
+    def on_grid(self, key: str) -> bool:
+        """Whether the waveform of a source is one of the gear train's, on its grid."""
+        return not source(key).at_output and not self.apart(key)
 
     def apart(self, key: str) -> bool:
         """Whether a source is added by its influence: to samples a sun's, where it does not repeat with the turns."""
@@ -223,24 +226,26 @@ class RunSet:
     def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
         """Influences of sources as each record sees them, (parameters, width), in the state of waveforms."""
         offset = model.index_offset
-        ends = np.cumsum([0, *(len(source(key).parameters) for key, _ in named)])
-        on_grid = {i for i, (key, _) in enumerate(named) if not source(key).at_output and not self.apart(key)}
-        at = np.concatenate([np.arange(0), *(np.arange(ends[i], ends[i + 1]) for i in sorted(on_grid))])
+        on_grid = [name for name in named if self.on_grid(name[0])]
+        at = np.array([self.on_grid(key) for key, _ in named for _ in source(key).parameters], dtype=np.bool_)
+        beyond = [name for name in named if not self.on_grid(name[0])]
+        by_contacts = any(not source(key).at_output for key, _ in named)
 
         def made(number: int) -> tuple[ContactForces, Array]:
             """Under one condition: forces, and the influences on its grid."""
             motion, forces = self.conditions[number].forces(waves[number])
-            return forces, source_matrices(motion, forces, [named[i] for i in sorted(on_grid)])
+            return forces, source_matrices(motion, forces, on_grid)
 
-        under = each(made, range(len(self.conditions)))
+        under = each(made, range(len(self.conditions))) if by_contacts else []
 
         def seen(number: int) -> Array:
             observation, which = self.observations[number], self.which[number]
-            forces, part = under[which]
-            rows = np.zeros((ends[-1], observation.width))
-            rows[at] = observation.of_grid(self.conditions[which].turn, part, offset)
-            for i in set(range(len(named))) - on_grid:
-                rows[ends[i] : ends[i + 1]] = observation.beyond(self, model, named[i], forces, offset)
+            forces, part = under[which] if under else (None, None)
+            rows = np.zeros((at.size, observation.width))
+            if part is not None:
+                rows[at] = observation.of_grid(self.conditions[which].turn, part, offset)
+            if beyond:
+                rows[~at] = np.concatenate([observation.beyond(self, model, one, forces, offset) for one in beyond])
             return rows
 
         return self.of_each(seen)
@@ -442,42 +447,34 @@ def evaluated(run_set: RunSet, model: Model, declared: Model, near: Sequence[Wav
     """A fit's state at given sizes: prediction, residual, changes."""
     waves = run_set.solve(model, near)
     offset = model.index_offset
-    solved = [i for i, e in enumerate(model.effects) if not source(e.key).at_output and not run_set.apart(e.key)]
-    ends = np.cumsum([0, *(len(e.values) for e in model.effects)])
-    count = int(ends[-1])
-    size = count + len(SOFTENING) + len(run_set.zeros)
-    others = [(i, e) for i, e in enumerate(model.effects) if i not in set(solved)]
-    apart = [e for _, e in others if run_set.apart(e.key)]
-    forces = [c.forces(w) if apart else (None, None) for c, w in zip(run_set.conditions, waves, strict=True)]
-    at = np.concatenate([np.arange(ends[i], ends[i + 1]) for i in solved] + [np.arange(count, count + len(SOFTENING))])
-    at = at.astype(np.intp)
+
+    def kind(effect: Effect) -> str:
+        return "grid" if run_set.on_grid(effect.key) else "marks" if source(effect.key).acts == "marks" else "beyond"
+
+    kinds = [kind(e) for e in model.effects for _ in e.values] + ["grid"] * len(SOFTENING)
+    row_of = np.array([*kinds, *(f"zero {label}" for label in run_set.zeros)])
+    beyond = [e for e in model.effects if kind(e) == "beyond"]
+    influences = run_set.influences(model, waves, [(e.key, e.indices) for e in beyond])
+    sizes = np.array([v for e in beyond for v in e.values])
 
     def seen(number: int) -> tuple[Array, Array, Array, float, Array, Array]:
         """Of one record: residual, whitened rows, rows, squares, Gram matrix and moment."""
         observation, wave = run_set.observations[number], waves[run_set.which[number]]
-        rows = np.zeros((size, observation.width))
-        part = observation.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
-        predicted = part[0]
-        rows[at] = part[1:]
-        for i, effect in others:
-            own = slice(ends[i], ends[i + 1])
-            if source(effect.key).acts == "marks":
-                rows[own] = observation.change(wave, offset)
-                continue
-            named = (effect.key, effect.indices)
-            rows[own] = observation.beyond(run_set, model, named, forces[run_set.which[number]][1], offset)
-            predicted = predicted + np.array(effect.values) @ rows[own]
-        for k, label in enumerate(run_set.zeros):
-            if run_set.records[number].zero == label:
-                rows[count + len(SOFTENING) + k] = 1.0
-        rest = observation.measured - predicted
+        felt = observation.of_wave(wave, np.concatenate([wave.error[None], wave.rows, wave.soft]), offset)
+        rows = np.zeros((row_of.size, observation.width))
+        rows[row_of == "grid"] = felt[1:]
+        rows[row_of == "beyond"] = influences[number]
+        rows[row_of == f"zero {run_set.records[number].zero}"] = 1.0
+        if "marks" in kinds:
+            rows[row_of == "marks"] = observation.change(wave, offset)
+        rest = observation.measured - (felt[0] + sizes @ influences[number])
         white = _whitened(observation, np.concatenate([rest[None], rows]))
         return rest, white, rows, float(white[0] @ white[0]), white[1:] @ white[1:].T, white[1:] @ white[0]
 
     residuals, all_rows, raw, squares, grams, moments = zip(*run_set.of_each(seen), strict=True)
     data, gram, moment = sum(squares), sum(grams), sum(moments)
     if run_set.zeros:  # a shared zero has any size: the best one is taken off here
-        z = slice(size - len(run_set.zeros), size)
+        z = slice(row_of.size - len(run_set.zeros), row_of.size)
         best = np.linalg.lstsq(gram[z, z], moment[z], rcond=None)[0]
         data -= float(best @ moment[z])
         moment -= best @ gram[z]

@@ -80,16 +80,6 @@ class DriveSet(RunSet):
         nothing, unit = np.zeros((len(SOFTENING), _POINTS)), cast("Reducer", self.unit)  # which nothing asks for
         return [Waveform(c.turn, nothing[0], nothing[:0], nothing, (), unit) for c in self.conditions]
 
-    def influences(self, model: Model, waves: Sequence[Waveform], named: Sequence[Named]) -> list[Array]:
-        """Influences of sources at the samples of each record."""
-
-        def seen(number: int) -> Array:
-            observation = self.observations[number]
-            rows = [observation.beyond(self, model, name, None, 0.0) for name in named]
-            return np.concatenate([np.zeros((0, observation.width)), *rows])
-
-        return self.of_each(seen)
-
     def deviation(self, key: str, indices: Indices) -> tuple[float, ...]:
         """Standard deviation of each parameter before the runs are seen: what a workshop makes, or all that they show.
 
