@@ -10,8 +10,8 @@ import numpy as np
 
 from rverror.base.arrays import Array, Flags
 from rverror.base.text import describe
-from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto
-from rverror.diagnosis.gears.record import Record
+from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto, solved
+from rverror.diagnosis.gears.record import Record, less
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, line_at
@@ -143,40 +143,28 @@ def residual(fit: Fit, *, hold: bool = False) -> Residual:
 
 def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
     """Residual of each record, every stretch with sizes and offset from the others alone."""
-    run_set = fit.run_set
-    weights, free = fit.pull, fit.free
-    rests = fit.residual
-    labels = [blocks(r) for r in run_set.records]
-    result = [np.zeros_like(rest) for rest in rests]
-    usable = [np.asarray(r.whiten.usable) for r in run_set.records]
+    records, free = fit.run_set.records, fit.free
+    labels = [blocks(r) for r in records]
+    result = [np.zeros_like(rest) for rest in fit.residual]
     # no stretch tells how another one settles, or what lies beyond a slip
-    settled = [r.slow_part(rest) if r.slow or r.slips else 0.0 for r, rest in zip(run_set.records, rests, strict=True)]
+    settled = [r.slow_part(rest) if r.slow or r.slips else 0.0 for r, rest in zip(records, fit.residual, strict=True)]
     for fold in range(max(int(label.max()) + 1 for label in labels)):
         step = np.zeros(fit.moment.size)
         if not hold and free.any():
-            gram, moment = np.zeros_like(fit.gram), np.zeros_like(fit.moment)
-            for white, label, used in zip(fit.rows, labels, usable, strict=True):
-                kept = label[used] != fold % (label.max() + 1)
-                gram += white[1:][:, kept] @ white[1:][:, kept].T
-                moment += white[1:][:, kept] @ white[0][kept]
             # the fit's own sizes are the best for all: what counts is how they move without these stretches
-            whole_gram = fit.gram[np.ix_(free, free)] / fit.scale + np.diag(weights[free])
-            pull = -fit.moment[free] / fit.scale
-            own = gram[np.ix_(free, free)] / fit.scale + np.diag(weights[free])
-            size = np.sqrt(np.maximum(np.diag(whole_gram), 1e-300))
-            right = (moment[free] / fit.scale + pull) / size
-            step[free] = np.linalg.lstsq(own / np.outer(size, size), right, rcond=1e-12)[0] / size
-        for number, record in enumerate(run_set.records):
-            label = labels[number]
-            out = label == fold % (label.max() + 1)
-            rest = rests[number] - step @ fit.raw[number] - settled[number]
+            gram, moment = np.zeros_like(fit.gram), -fit.moment
+            for record, white, label in zip(records, fit.rows, labels, strict=True):
+                kept = white[:, label[record.whiten.usable] != fold % (label.max() + 1)]
+                gram += kept[1:] @ kept[1:].T
+                moment += kept[1:] @ kept[0]
+            step[free] = solved(gram[np.ix_(free, free)] / fit.scale, moment[free] / fit.scale, fit.weights[free])
+        for number, (record, label) in enumerate(zip(records, labels, strict=True)):
             if fold > label.max():
                 continue
-            others = ~out & record.kept
+            out = label == fold
+            rest = fit.residual[number] - step @ fit.raw[number] - settled[number]
             rows = replace(record, zero="", slow=False, slips=()).nuisance
-            alive = np.abs(rows[:, others]).max(axis=1, initial=0) > 0
-            sizes = np.linalg.lstsq(rows[alive][:, others].T, rest[others], rcond=1e-10)[0]
-            result[number][out] = (rest - sizes @ rows[alive])[out]
+            result[number][out] = less(rest, rows, ~out & record.kept)[out]
     return result
 
 

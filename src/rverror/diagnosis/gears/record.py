@@ -160,9 +160,7 @@ class Record:
     def without_nuisance(self, rest: Array) -> Array:
         """A residual less what offset, slips and lines make of it, by least squares."""
         rows = self.nuisance if not self.zero else np.concatenate([np.ones((1, rest.size)), self.nuisance])
-        at = self.kept
-        sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
-        return np.asarray(rest - sizes @ rows)
+        return less(rest, rows, self.kept)
 
     def told_as_noise(self, rest: Array) -> Array:
         """A residual that noise is told from: `without_nuisance`, and of a run whose contacts change sides without its
@@ -172,8 +170,13 @@ class Record:
             return clean
         angle = self.theta * np.arange(_SLOWEST + 1)[:, None]
         rows = np.concatenate([np.cos(angle), np.sin(angle[1:])])
-        sizes = np.linalg.lstsq(rows[:, self.kept].T, clean[self.kept], rcond=1e-10)[0]
-        return np.asarray(clean - sizes @ rows)
+        return less(clean, rows, self.kept)
+
+
+def less(rest: Array, rows: Array, at: Flags) -> Array:
+    """A residual less what rows make of it, by least squares at some samples."""
+    sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
+    return np.asarray(rest - sizes @ rows)
 
 
 def records_of(model: Model, runs: Sequence[Run]) -> tuple[list[Record], list[str]]:
