@@ -112,7 +112,7 @@ def test_a_cause_that_leaves_more_than_noise_is_not_named(right: Fit) -> None:
         search = search_of(fit, [CAM.key])
         best = search.score.of(fit)
         done = search.complete(best)
-        told = account(right.declared, right.declared, runs, search, search.root, best, done, [])
+        told = account(right.declared, runs, search, best, done, [])
         assert done is bool(names)
         assert [one.effect.key for one in told.added] == names
         assert told.verdict == ("explained" if names else "unexplained")
@@ -276,5 +276,5 @@ def test_a_size_is_told_where_less_than_half_of_its_variance_is_left(share: floa
     root = evaluated(RunSet.of(UNIT, [record], POLICY, points=512, anywhere=False), Model(UNIT), Model(UNIT))
     search = search_of(root, [ENCODER.key])
     best = search.score.of(evaluated(root.run_set, Model(UNIT, (ENCODER,)), Model(UNIT)))
-    (one,) = account(Model(UNIT), Model(UNIT), [run], search, search.root, best, True, []).added
+    (one,) = account(Model(UNIT), [run], search, best, True, []).added
     assert any("do not tell" in note for note in one.notes) != told

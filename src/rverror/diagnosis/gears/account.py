@@ -30,19 +30,19 @@ _TURN = 2 * math.pi
 
 
 def account(
-    declared: Model, model: Model, runs: Sequence[Run], search: Search, root: Hypothesis, best: Hypothesis, done: bool,
-    notes: list[str], beside: Sequence[Fit] = (),
+    declared: Model, runs: Sequence[Run], search: Search, best: Hypothesis, done: bool, notes: list[str],
+    beside: Sequence[Fit] = (),
 ) -> Diagnosis:  # fmt: skip
     """Say what a search came to.
 
     Parameters
     ----------
-    declared, model : Model
-        As given, and with the marks as a size where they are unknown.
+    declared : Model
+        As given: without the marks, which are a size of what is searched where they are unknown.
     runs : sequence of Run
     search : Search
-    root, best : Hypothesis
-        Without and with what was added.
+    best : Hypothesis
+        With what was added.
     done : bool
         Whether nothing significant is left.
     notes : list of str
@@ -56,15 +56,15 @@ def account(
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
-        best = search.score.of(fitted(onto(best.fit.run_set.bare, root.fit)))
+        best = search.score.of(fitted(onto(best.fit.run_set.bare, search.root.fit)))
         left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
         notes += fit.run_set.slow_notes(record, rest) if record.slow else []
     plain = fit.run_set.bare
-    as_printed = evaluated(plain, replace(as_declared(fit).model, effects=printed(model, fit)), fit.declared)
-    refitted = fitted(onto(plain, root.fit)) if fit.added or best.lines else fit
+    as_printed = evaluated(plain, replace(as_declared(fit).model, effects=fit.printed), fit.declared)
+    refitted = fitted(onto(plain, search.root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
     lined = fit.run_set.with_records([replace(r, orders=()) for r in fit.run_set.records])
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
@@ -78,7 +78,7 @@ def account(
         notes.append("what is left is more than noise, and no cause or line of the catalogue's orders accounts for it")
     kept = fit.model.effects[: len(fit.declared.effects)]
     result = replace(fit.model, effects=(*kept, *(one.effect for one in added)))
-    if len(model.effects) > len(declared.effects):
+    if len(fit.declared.effects) > len(declared.effects):
         notes.append(offset_note(fit, declared, halves))
     return Diagnosis(
         verdict="unexplained" if lines or unclear else "explained" if added else "nothing_missing",
@@ -96,14 +96,6 @@ def account(
         notes=tuple(dict.fromkeys([*notes, *_strained(fit)])),
         history=tuple(search.journal.fates),
         elastic=elastic_within(fit, halves),
-    )
-
-
-def printed(model: Model, fit: Fit) -> tuple[Effect, ...]:
-    """Declared effects as printed; where the gear's marks are is no size of a part: it is the fitted one."""
-    return tuple(
-        now if source(now.key).acts == "marks" else then
-        for now, then in zip(fit.model.effects, model.effects, strict=False)
     )
 
 

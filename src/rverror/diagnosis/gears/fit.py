@@ -307,6 +307,12 @@ class Fit:
         """Effects beside the declared ones."""
         return self.model.effects[len(self.declared.effects) :]
 
+    @property
+    def printed(self) -> tuple[Effect, ...]:
+        """Declared effects as printed; where the gear's marks are is no size of a part: it is the fitted one."""
+        both = zip(self.model.effects, self.declared.effects, strict=False)
+        return tuple(now if source(now.key).acts == "marks" else then for now, then in both)
+
     def model_with(self, *others: Effect, instead_of: int) -> Model:
         """The model with some effects, or none, in the place of an added one."""
         effects, at = self.model.effects, len(self.declared.effects) + instead_of
@@ -671,12 +677,7 @@ def onto(run_set: RunSet, fit: Fit) -> Fit:
 
 def as_declared(fit: Fit) -> Fit:
     """Declared sizes and stiffness back at what was declared, if they can be; what was added stays."""
-    count = len(fit.declared.effects)
-    kept = [
-        now if source(now.key).acts == "marks" else then
-        for now, then in zip(fit.model.effects[:count], fit.declared.effects, strict=True)
-    ]
-    model = replace(fit.declared, effects=(*kept, *fit.model.effects[count:]))
+    model = replace(fit.declared, effects=(*fit.printed, *fit.added))
     try:
         return evaluated(fit.run_set, model, fit.declared, fit.waves)
     except NotConvergedError:  # what was added stands on the stiffness that was fitted with it

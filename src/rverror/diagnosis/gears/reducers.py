@@ -100,7 +100,7 @@ def diagnose_reducer(
         best, more = ripples_apart(search, best)
         beside += more
     notes += run_notes(best.fit, unit)
-    return account(declared, model, runs, search, search.root, best, done, notes, beside)
+    return account(declared, runs, search, best, done, notes, beside)
 
 
 def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> tuple[Search, Hypothesis, bool]:

@@ -14,7 +14,7 @@ from rverror.base.chance import student
 from rverror.base.errors import InputError
 from rverror.base.progress import Progress
 from rverror.diagnosis.causes import Named
-from rverror.diagnosis.gears.account import elastic_within, estimated, printed
+from rverror.diagnosis.gears.account import elastic_within, estimated
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.reducers import curved, offered, with_marks
 from rverror.diagnosis.gears.score import Hypothesis
@@ -106,7 +106,7 @@ def diagnose_tables(
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
     result = replace(causes.model, effects=(*causes.model.effects, *laws.effects()))
     final = evaluated(plain, result, model, causes.waves)
-    as_printed = evaluated(plain, replace(model, effects=printed(model, final)), model)
+    as_printed = evaluated(plain, replace(model, effects=final.printed), model)
     refitted = evaluated(plain, root.model, model)
     tell("looking for what does as well")
     named = len(causes.added)

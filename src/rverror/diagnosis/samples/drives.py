@@ -93,7 +93,7 @@ def diagnose_drive(
         notes.append("runs in one direction only: lost motion does not show; add a reverse run")
     journal.tell("searching the residual for lines of any order")
     # what is left of a drive changes nothing of what a cause makes, so all that was found is told
-    found = account(declared, declared, runs, last, last.root, best, True, notes)
+    found = account(declared, runs, last, best, True, notes)
     found = replace(found, tried=len(candidates), added=_in_order(best, found.added))
     return _as_torque(found, model, records[0].unit) if torque else found
 
