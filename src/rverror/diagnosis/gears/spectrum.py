@@ -167,7 +167,7 @@ def _beside_a_walk(records: Sequence[Record], rests: Sequence[Array], order: flo
 def _sharpened(records: Sequence[Record], rests: Sequence[Array], order: float, turns: float) -> LineFound:
     """Order of the highest power near one, over all runs."""
     near = order + np.linspace(-0.4, 0.4, 9) / turns
-    powers = powers_of(records, rests, near)
+    powers = [line_at(records, rests, float(at)).power for at in near]
     best = int(np.argmax(powers))
     top = near[best]
     if 0 < best < near.size - 1:
@@ -181,17 +181,6 @@ def line_at(records: Sequence[Record], rests: Sequence[Array], order: float) -> 
     rows = [np.stack([np.cos(order * record.theta), np.sin(order * record.theta)]) for record in records]
     power, sizes = explained(records, rests, rows)
     return LineFound(order, power, tuple(complex(size[0], -size[1]) for size in sizes))
-
-
-def powers_of(records: Sequence[Record], rests: Sequence[Array], orders: Array) -> list[float]:
-    """Power of each of some lines by itself."""
-    total = np.zeros(orders.size)
-    for record, rest in zip(records, rests, strict=True):
-        angle = np.outer(orders, record.theta)
-        white = record.whiten(np.concatenate([rest[None], np.cos(angle), np.sin(angle)]))
-        rows = white[1:].reshape(2, orders.size, -1)
-        total += [taken_off(white[0], rows[:, at])[0] for at in range(orders.size)]
-    return [float(power) for power in total]
 
 
 def explained(records: Sequence[Record], rests: Sequence[Array], rows: Sequence[Array]) -> tuple[float, list[Array]]:
