@@ -170,7 +170,7 @@ def test_a_line_s_interval_is_that_of_a_wave_in_white_noise(runs: int) -> None:
     off = []
     for seed in range(24):
         fit = lined(seed, runs, policy)
-        (line,) = line_estimates(fit, [], best_lines(fit, policy, outside=True))
+        (line,) = line_estimates(fit, best_lines(fit, policy, outside=True))
         assert line.high - line.amplitude == pytest.approx(1.96 * expected, rel=0.05)
         assert line.amplitude - line.low == pytest.approx(1.96 * expected, rel=0.05)
         off.append((line.amplitude - 1.5 * ARCSEC) / expected)
@@ -184,7 +184,7 @@ def test_a_line_s_interval_holds_the_model_s_own_error(runs: int) -> None:
     for size in (1e-6, 0.02):
         policy = replace(POLICY, model_error=size * ARCSEC)
         fit = lined(1, runs, policy)
-        (line,) = line_estimates(fit, [], best_lines(fit, policy, outside=True))
+        (line,) = line_estimates(fit, best_lines(fit, policy, outside=True))
         assert np.isfinite(fit.weights).sum() <= 1
         halves.append(line.high - line.amplitude)
     assert (halves[1] / halves[0]) ** 2 == pytest.approx(1 + runs * N * (0.02 / 0.3) ** 2, rel=1e-3)
@@ -193,9 +193,9 @@ def test_a_line_s_interval_holds_the_model_s_own_error(runs: int) -> None:
 def test_a_line_that_was_freed_is_told_as_one_that_was_left() -> None:
     fit = lined(1, 2, POLICY)
     (found,) = best_lines(fit, POLICY, outside=True)
-    (left,) = line_estimates(fit, [], [found])
+    (left,) = line_estimates(fit, [found])
     records = [replace(r, orders=(found.order,)) for r in fit.run_set.records]
-    (free,) = line_estimates(replace(fit, run_set=fit.run_set.with_records(records)), [found.order], [])
+    (free,) = line_estimates(replace(fit, run_set=fit.run_set.with_records(records)), [])
     for one, other in zip(
         (free.order, free.amplitude, free.low, free.high),
         (left.order, left.amplitude, left.low, left.high),

@@ -102,6 +102,11 @@ def test_sources_are_equally_likely_and_share_it_among_their_places() -> None:
         assert own == pytest.approx([1 / 3 / len(own)] * len(own))
 
 
+def freed(fit: Fit, *lines: float, slow: bool = False) -> Fit:
+    """The same sizes and squares beside free lines, and with runs that drift and settle or do not."""
+    return replace(fit, run_set=fit.run_set.with_free(lines, slow=slow))
+
+
 def test_a_line_and_what_settles_cost_so_much_for_each_row() -> None:
     """Cosine and sine of each line, and four of what drifts and settles, in every run."""
     error = NOISE * np.random.default_rng(1).normal(size=N)
@@ -111,9 +116,9 @@ def test_a_line_and_what_settles_cost_so_much_for_each_row() -> None:
     for fit, runs in ((one, 1), (two, 2)):
         bare = fit.objective
         assert score.of(fit).score == pytest.approx(bare)
-        assert score.of(fit, (3.3,)).score == pytest.approx(bare + 2 * POLICY.row_cost * runs)
-        assert score.of(fit, (3.3, 5.1), True).score == pytest.approx(bare + 8 * POLICY.row_cost * runs)
-    assert score.of(one, (3.301,), True).names == {3.3, "slow"}
+        assert score.of(freed(fit, 3.3)).score == pytest.approx(bare + 2 * POLICY.row_cost * runs)
+        assert score.of(freed(fit, 3.3, 5.1, slow=True)).score == pytest.approx(bare + 8 * POLICY.row_cost * runs)
+    assert score.of(freed(one, 3.301, slow=True)).names == {3.3, "slow"}
     assert score.of(white(error, BARE, TWICE)).names == {named(TWICE)}
 
 
@@ -196,8 +201,8 @@ def test_one_set_is_better_than_another_if_more_probable_and_beyond_chance() -> 
     chance, settles = chi_square(POLICY.false_alarm / 2, len(TWICE.values)), chi_square(POLICY.false_alarm, 4)
 
     def better(fallen: float, gain: float, *, cause: bool = True, exact: bool = False) -> bool:
-        trial = Hypothesis(fallen_by(fallen, less, more if cause else less), (), not cause, -gain)
-        return score.better(trial, Hypothesis(less, (), False, 0.0), exact=exact)
+        trial = Hypothesis(freed(fallen_by(fallen, less, more if cause else less), slow=not cause), -gain)
+        return score.better(trial, Hypothesis(less, 0.0), exact=exact)
 
     for limit, kind in ((chance, {"exact": True}), (settles, {"cause": False}), (chance + own, {})):
         least = own if not kind else 0.0
@@ -218,7 +223,7 @@ def test_what_moved_jumps_have_gained_is_left_out(monkeypatch: pytest.MonkeyPatc
         return 10.0
 
     score = Score([(TWICE.key, {})], POLICY)
-    pair = Hypothesis(more, (), False, -60.0), Hypothesis(less, (), False, 0.0)
+    pair = Hypothesis(more, -60.0), Hypothesis(less, 0.0)
     assert score.better(*pair)
     monkeypatch.setattr("rverror.diagnosis.gears.score.fall", fall)
     assert not score.better(*pair)

@@ -450,10 +450,10 @@ def test_a_large_fault_of_one_sample_is_no_further_cause(right: Fit) -> None:
 def test_pruning_drops_what_is_needless_and_keeps_what_is_not(right: Fit) -> None:
     """The true cause beside one that is needless, a line that is none, and drift."""
     profile = rverror.effect("cycloid.disc_profile", disc=1, harmonic=3, cos="0.5 um")
-    records = [replace(r, orders=(23.37,), slow=True) for r in right.run_set.records]
+    run_set = right.run_set.with_free((23.37,), slow=True)
     start = replace(right.model, effects=(CAM, profile))
     search = search_of(right, NEAR_CAMS)
-    crowded = search.score.of(fitted(evaluated(right.run_set.with_records(records), start, BARE)), (23.37,), True)
+    crowded = search.score.of(fitted(evaluated(run_set, start, BARE)))
     left = search.pruned(crowded)
     assert left.names == {named(CAM)}
     assert (left.lines, left.slow) == ((), False)

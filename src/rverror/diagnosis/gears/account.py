@@ -66,9 +66,9 @@ def account(
     as_printed = evaluated(plain, replace(as_declared(fit).model, effects=fit.printed), fit.declared)
     refitted = fitted(onto(plain, search.root.fit)) if fit.added or best.lines else fit
     # a line is no part of the model: it stays in what the model leaves
-    lined = fit.run_set.with_records([replace(r, orders=()) for r in fit.run_set.records])
+    lined = fit.run_set.with_free((), slow=best.slow)
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
-    lines = line_estimates(fit, best.lines, left)
+    lines = line_estimates(fit, left)
     held = residual(fit).heldout_rms if fit.added else 0.0
     added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
@@ -232,12 +232,12 @@ def _orders(fit: Fit, number: int) -> tuple[float, ...]:
     return leading(orders, np.where(peaks, size[1:-1], 0.0), size.max())
 
 
-def line_estimates(fit: Fit, free: Sequence[float], left: Sequence[LineFound]) -> tuple[Line, ...]:
+def line_estimates(fit: Fit, left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.run_set.policy
     rests = fit.residual
     found = list(left)
-    for order in free:
+    for order in fit.run_set.lines:
         bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.run_set.records]
         found.append(line_at(bare, rests, order))
     turns = max(r.turns for r in fit.run_set.records)

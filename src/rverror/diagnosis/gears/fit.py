@@ -103,9 +103,23 @@ class RunSet:
         return replace(self, records=tuple(records))
 
     @property
+    def lines(self) -> tuple[float, ...]:
+        """Orders of the free lines, which all runs have; a table names all its lines."""
+        return self.records[0].orders if self.sampled else ()
+
+    @property
+    def slow(self) -> bool:
+        """Whether each run drifts and settles by itself."""
+        return self.sampled and self.records[0].slow
+
+    def with_free(self, lines: Sequence[float], *, slow: bool) -> RunSet:
+        """The same with free lines of these orders in all runs, which drift and settle or do not."""
+        return self.with_records([replace(r, orders=tuple(lines), slow=slow) for r in self.records])
+
+    @property
     def bare(self) -> RunSet:
         """The same without free lines, and with nothing that drifts."""
-        return self.with_records([replace(r, orders=(), slow=False) for r in self.records])
+        return self.with_free((), slow=False)
 
     def slow_notes(self, record: Record, rest: Array) -> list[str]:
         """What the residual of a record that settles does so by, in words."""

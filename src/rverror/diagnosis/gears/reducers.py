@@ -142,7 +142,7 @@ def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> 
         root = fitted(onto(latest.run_set.bare, search.root.fit))
         search = search.anew(root)
         before = best.names
-        best, done = search.best(search.score.of(fitted(latest), best.lines, best.slow))
+        best, done = search.best(search.score.of(fitted(latest)))
         settled = done and (best.names <= before if noise_rule is None else best.names == before)
         if changed is None and (settled or search.spent > policy.budget):
             break
@@ -264,7 +264,7 @@ def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit
     best = min(fits, key=lambda other: as_compared(other.objective))
     near = -2 * math.log(policy.alike)
     alike = [other for other in fits if other is not best and other.objective - best.objective < near]
-    return search.score.of(best, one.lines, one.slow), alike
+    return search.score.of(best), alike
 
 
 def offered(model: Model, records: Sequence[Record], wanted: Callable[[Source], bool]) -> tuple[Named, ...]:

@@ -29,18 +29,23 @@ class Hypothesis:
     Attributes
     ----------
     fit : Fit
-    lines : tuple of float
-        Orders of free lines.
-    slow : bool
-        Whether each run drifts and settles by itself.
+        Of runs with the free lines of the set, which drift and settle by themselves or do not.
     score : float
         Minus twice the logarithm of its posterior probability, but for a constant: the less, the better.
     """
 
     fit: Fit
-    lines: tuple[float, ...]
-    slow: bool
     score: float
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Orders of free lines."""
+        return self.fit.run_set.lines
+
+    @property
+    def slow(self) -> bool:
+        """Whether each run drifts and settles by itself."""
+        return self.fit.run_set.slow
 
     @property
     def without_rows(self) -> Hypothesis:
@@ -93,20 +98,20 @@ class Score:
         """
         return 2 * math.log(max(len(self.places), 1) * max(self.places[name[0]], 1))
 
-    def of(self, fit: Fit, lines: Sequence[float] = (), slow: bool = False) -> Hypothesis:
-        """A fit, with the orders of its free lines and whether runs drift, and its score."""
+    def of(self, fit: Fit) -> Hypothesis:
+        """A fit and its score."""
         total = fit.objective
         first = sum(len(e.values) for e in fit.declared.effects)
         prior = np.array([sigma for e in fit.added for sigma in fit.run_set.deviation(e.key, e.indices)])
         at = slice(first, first + prior.size)
         total -= np.linalg.slogdet(fit.covariance[at, at] / np.outer(prior, prior))[1]
         total += sum(self.cost((e.key, e.indices)) for e in fit.added)
-        score = as_compared(float(total + self.regular(fit, lines, slow=slow)))
-        return Hypothesis(fit, tuple(lines), slow, score)
+        total += self.regular(fit, len(fit.run_set.lines), slow=fit.run_set.slow)
+        return Hypothesis(fit, as_compared(float(total)))
 
-    def regular(self, fit: Fit, lines: Sequence[float], *, slow: bool) -> float:
+    def regular(self, fit: Fit, lines: int, *, slow: bool) -> float:
         """What free lines, cos and sin, and the rows of drift and settling must be worth in every run."""
-        return self.policy.row_cost * _rows(fit, len(lines), slow)
+        return self.policy.row_cost * _rows(fit, lines, slow)
 
     @property
     def sure(self) -> float:

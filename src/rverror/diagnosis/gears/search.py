@@ -18,7 +18,6 @@ from rverror.diagnosis.causes import Named, named
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted, onto
 from rverror.diagnosis.gears.moves import Moves, Once, Starts, equivalents
 from rverror.diagnosis.gears.ranking import singles
-from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.residual_faults import nearly_noise
 from rverror.diagnosis.gears.score import Hypothesis, Score, inexact, strained
 from rverror.diagnosis.gears.spectrum import best_lines, explained
@@ -204,7 +203,7 @@ class Search:
         def fit(trial: Trial) -> Hypothesis:
             assert trial.fit is not None
             end = fitted(onto(trial.origin.fit.run_set, trial.fit), steps=30, enough=0.3)
-            return self.score.of(end, trial.origin.lines, trial.origin.slow)
+            return self.score.of(end)
 
         self._solved += 8 * len(trials)
         self.keep(each(fit, trials))
@@ -262,7 +261,7 @@ class Search:
             return False
         slow = [r.settling for r in records]
         return (
-            explained(records, one.fit.residual, slow)[0] > self.score.regular(one.fit, (), slow=True) + self.score.sure
+            explained(records, one.fit.residual, slow)[0] > self.score.regular(one.fit, 0, slow=True) + self.score.sure
         )
 
     def pruned(self, one: Hypothesis) -> Hypothesis:
@@ -290,13 +289,10 @@ class Search:
         """A set without each of its causes, lines, or drift, refitted."""
         found = each(partial(self._without, one), range(len(one.fit.added)))
         self._solved += 4 * len(found)
-        records = one.fit.run_set.records
         for order in one.lines:
-            kept = tuple(o for o in one.lines if o != order)
-            lined = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in records]
-            found.append(self._with_records(one, lined, kept, slow=one.slow))
+            found.append(self.with_free(one, [o for o in one.lines if o != order], slow=one.slow))
         if one.slow:
-            found.append(self._with_records(one, [replace(r, slow=False) for r in records], one.lines, slow=False))
+            found.append(self.with_free(one, one.lines, slow=False))
         return [part.without_rows for part in found]
 
     def _without(self, one: Hypothesis, number: int) -> Hypothesis:
@@ -308,7 +304,7 @@ class Search:
         fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
             fit = fitted(fit)
-        return self.score.of(fit, one.lines, one.slow)
+        return self.score.of(fit)
 
     # --- what a set offers --------------------------------------------------------------------------------------------
 
@@ -397,31 +393,18 @@ class Search:
 
     def with_settling(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with runs that drift and settle, if they do."""
-        one = one.with_rows
-        if not self._settles(one):
-            return []
-        slow = [replace(r, slow=True) for r in one.fit.run_set.records]
-        return [self._with_records(one, slow, one.lines, slow=True)]
+        return [self.with_free(one, one.lines, slow=True)] if self._settles(one.with_rows) else []
 
     def with_line(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with the strongest line that no part has."""
         if not one.fit.run_set.sampled:  # a table names all its lines
             return []
-        one = one.with_rows
-        return [
-            self._with_records(
-                one,
-                [replace(r, orders=(*r.orders, line.order)) for r in one.fit.run_set.records],
-                (*one.lines, line.order),
-                slow=one.slow,
-            )
-            for line in best_lines(one.fit, self.policy, outside=True)[:1]
-        ]
+        lines = best_lines(one.with_rows.fit, self.policy, outside=True)[:1]
+        return [self.with_free(one, (*one.lines, line.order), slow=one.slow) for line in lines]
 
-    def _with_records(
-        self, one: Hypothesis, records: Sequence[Record], lines: Sequence[float], *, slow: bool
-    ) -> Hypothesis:
-        return self.score.of(fitted(onto(one.fit.run_set.with_records(records), one.fit)), lines, slow)
+    def with_free(self, one: Hypothesis, lines: Sequence[float], *, slow: bool) -> Hypothesis:
+        """The causes of a set with free lines of these orders, and with runs that drift and settle or do not."""
+        return self.score.of(fitted(onto(one.fit.run_set.with_free(lines, slow=slow), one.fit)))
 
     # --- what fits as well --------------------------------------------------------------------------------------------
 

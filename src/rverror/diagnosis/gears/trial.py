@@ -88,9 +88,9 @@ class Trial:
                 fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
         except NotConvergedError:
             return None
-        promised = score.of(fit, origin.lines, origin.slow).score - fit.proposal[1]
+        promised = score.of(fit).score - fit.proposal[1]
         # what few angles and means make of the origin is common to both
-        beyond = origin.score - score.of(origin.coarse, origin.lines, origin.slow).score
+        beyond = origin.score - score.of(origin.coarse).score
         return replace(
             self, model=fit.model, fit=fit.without_rows, score=round(promised + beyond, 6), taken=self.taken + 1
         )

@@ -187,7 +187,7 @@ class DriveSearch(Search):
         """One cause more, or what is regular: a linear step is the fit, so nothing is left to try."""
         models = [with_offer(one.fit.model, offer) for offer in self._leading(one)[:_FITTED]]
         fits = each(lambda model: fitted(evaluated(one.fit.run_set, model, one.fit.declared)), models)
-        self.keep(self.score.of(fit, one.lines, one.slow) for fit in fits)
+        self.keep(self.score.of(fit) for fit in fits)
         self.keep(self.regular(one))
         yield from ()
 
@@ -198,13 +198,12 @@ class DriveSearch(Search):
 
     def regular(self, one: Hypothesis) -> list[Hypothesis]:
         """A set with what is regular and no part's; or with many lines, where one takes off more than any cause."""
-        found, records, whole = self.with_settling(one), one.fit.run_set.records, one.with_rows
+        found, whole = self.with_settling(one), one.with_rows
         room = MOST_LINES - len(one.lines)
         for most in (1, min(room, _TOGETHER)) if room else ():
             lines = tuple(line.order for line in best_lines(whole.fit, self.policy, outside=True, most=most))
-            lined = [replace(r, orders=(*r.orders, *lines)) for r in records]
             if lines:
-                found.append(self._with_records(one, lined, (*one.lines, *lines), slow=one.slow))
+                found.append(self.with_free(one, (*one.lines, *lines), slow=one.slow))
             if not lines or found[-1].score > min((o.score for o in self._leading(one)), default=one.score):
                 break
         return found
