@@ -215,7 +215,7 @@ class Search:
             self.journal.tell(
                 f"{self.spent} of {self.policy.budget} equilibria, {len(self.known)} sets; the best: {leading}"
             )
-        further = [one for one in each(partial(Trial.further, score=self.score), trials) if one is not None]
+        further = each_solved(partial(Trial.further, score=self.score), trials)
         self._solved += sum(one.spent for one in further)
         return further
 

@@ -13,7 +13,6 @@ from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
 from rverror.diagnosis.gears.score import Hypothesis, Score
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.statics.loaded_state import NotConvergedError
 
 _STEPS = (1, 2, 3, 6)  # of a trial each time that it is taken further, once it is solved
 
@@ -78,16 +77,19 @@ class Trial:
         """Solutions that taking it so far last took."""
         return _STEPS[self.taken - 2] if self.taken > 1 else 1
 
-    def further(self, score: Score) -> Trial | None:
-        """The trial solved, or a few steps further; none where there is no equilibrium."""
+    def further(self, score: Score) -> Trial:
+        """The trial solved, or a few steps further.
+
+        Raises
+        ------
+        NotConvergedError
+            If there is no equilibrium.
+        """
         origin = self.origin
-        try:
-            if self.fit is None:
-                fit = evaluated(origin.coarse.run_set, self.model, origin.coarse.declared, origin.coarse.waves)
-            else:
-                fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
-        except NotConvergedError:
-            return None
+        if self.fit is None:
+            fit = evaluated(origin.coarse.run_set, self.model, origin.coarse.declared, origin.coarse.waves)
+        else:
+            fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
         promised = score.of(fit).score - fit.proposal[1]
         # what few angles and means make of the origin is common to both
         beyond = origin.score - score.of(origin.coarse).score
