@@ -25,7 +25,7 @@ from rverror.diagnosis.gears.fit import evaluated, fitted
 from rverror.diagnosis.gears.grid import whole
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
-from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.gears.waveform import LoadCase, Waveform
 from rverror.diagnosis.orders import tables
 from rverror.diagnosis.orders.order_search import Linear, blocks_of, chance
 from rverror.diagnosis.orders.table_set import TableObservation, noise_of_cases, table_set
@@ -204,7 +204,7 @@ def test_waves_of_a_grid_are_those_that_were_put_in_and_turn_with_the_marks() ->
     orders = np.array([1.0, 3.5, 7.0, 48.0])
     waves = rng.normal(size=4) + 1j * rng.normal(size=4)
     case = OrderCase(condition=TableCondition(direction=1.0), orders=orders, waves=waves)
-    observation = TableObservation(case, np.ones(8), turn, None, UNIT)
+    observation = TableObservation(case, np.ones(8), LoadCase(1.0, None, turn), UNIT)
 
     def rows(shift: float) -> Array:
         return np.asarray([np.real(np.exp(1j * np.outer(turn.theta + shift, orders)) @ waves) + 0.3])
@@ -218,7 +218,7 @@ def test_waves_of_a_grid_are_those_that_were_put_in_and_turn_with_the_marks() ->
 def test_the_change_with_the_marks_is_the_derivative() -> None:
     rng, turn = np.random.default_rng(3), whole(0.0, TURN, 256)
     case = OrderCase(condition=TableCondition(direction=1.0), orders=np.array([3.0, 16.0]), waves=np.zeros(2, complex))
-    observation = TableObservation(case, np.ones(4), turn, None, UNIT)
+    observation = TableObservation(case, np.ones(4), LoadCase(1.0, None, turn), UNIT)
     wave = Waveform(turn, rng.normal(size=256), np.zeros((0, 256)), np.zeros((10, 256)), (), UNIT)
     here, there = (observation.of_wave(wave, wave.error[None], 0.3 + step)[0] for step in (-1e-6, 1e-6))
     assert observation.change(wave, 0.3) == pytest.approx((there - here) / 2e-6, rel=1e-6)

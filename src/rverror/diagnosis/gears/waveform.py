@@ -133,14 +133,15 @@ class LoadCase:
         self._kept[grid] = made = made.elastic(unit)
         return made
 
-    def _motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
+    def motion(self, unit: Reducer, grid: AngleGrid) -> Pose:
+        """Motion over a grid."""
         return motion(unit, conditions_at(grid.theta, self.direction, self.torque))
 
     def solve(self, unit: Reducer, effects: tuple[Effect, ...], near: Waveform | None = None) -> Waveform:
         """Waveform with these effects, all felt by the contacts; from poses near it where there are."""
         grid = self.grid(unit, effects)
         if self.torque is None:
-            where = self._motion(unit, grid)
+            where = self.motion(unit, grid)
             rows = effect_matrix(where, closed_form_forces(where), effects)
             values = np.array([v for e in effects for v in e.values])
             return Waveform(grid, values @ rows, rows, np.zeros((len(SOFTENING), grid.points)), effects, unit)
@@ -162,7 +163,7 @@ class LoadCase:
 
     def forces(self, wave: Waveform) -> tuple[Pose, ContactForces]:
         """Motion and forces per unit torque over the whole grid of travel, in the state of a waveform."""
-        where = self._motion(wave.unit, self.turn)
+        where = self.motion(wave.unit, self.turn)
         if self.torque is None:
             return where, closed_form_forces(where)
         statics = self._statics(wave.unit, self.turn)

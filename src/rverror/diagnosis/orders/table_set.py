@@ -24,11 +24,11 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.waveform import LoadCase, Waveform
+from rverror.diagnosis.order_passport import Cases, rows_of
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
-from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import OperatingConditions, Pose
+from rverror.geartrain.kinematics import Pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.compose import source_matrix
 from rverror.model.effects import Model
@@ -75,16 +75,14 @@ class TableObservation(Observation):
     ----------
     case : OrderCase
     sigma : ndarray, shape (2 k,)
-    turn : AngleGrid
-    torque : float, optional
-        At which the gear train is solved, N*mm.
+    under : LoadCase
+        Direction and torque at which the gear train is solved over the turn.
     gears : Reducer
     """
 
     case: OrderCase
     sigma: Array
-    turn: AngleGrid
-    torque: float | None
+    under: LoadCase
     gears: Reducer
 
     @property
@@ -100,7 +98,7 @@ class TableObservation(Observation):
     @cached_property
     def _own(self) -> Array:
         """Matrix (points, 2 k) from values on the turn to waves, a constant beside them."""
-        angle = np.outer(self.turn.theta, self.case.orders)
+        angle = np.outer(self.under.turn.theta, self.case.orders)
         design = np.concatenate([np.cos(angle), -np.sin(angle), np.ones((len(angle), 1))], axis=1)
         return np.asarray(np.linalg.pinv(design)[:-1].T)
 
@@ -114,7 +112,7 @@ class TableObservation(Observation):
 
     def of_grid(self, grid: AngleGrid, rows: Array, offset: float) -> Array:
         """Waves of rows on a grid."""
-        there = rows if grid == self.turn else grid.to_samples(self.turn.theta)(rows)
+        there = rows if grid == self.under.turn else grid.to_samples(self.under.turn.theta)(rows)
         return self._turned(np.asarray(there @ self._own), offset)
 
     def change(self, wave: Waveform, offset: float) -> Array:
@@ -125,13 +123,13 @@ class TableObservation(Observation):
 
     def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
         """Waves of a source that acts beyond the contacts."""
-        rows = source_matrix(self._motion, {"output": np.ones((1, self.turn.points))}, *named)
+        rows = source_matrix(self._motion, {"output": np.ones((1, self.under.turn.points))}, *named)
         return np.asarray(rows @ self._own)
 
     @cached_property
     def _motion(self) -> Pose:
         """Over the turn; stiffness plays no part in it."""
-        return motion(self.gears, OperatingConditions(self.turn.theta, self.case.condition.direction, self.torque))
+        return self.under.motion(self.gears, self.under.turn)
 
     def whiten(self, rows: Array) -> Array:
         """Rows in units of the noise."""
@@ -209,10 +207,8 @@ class TableSet(RunSet):
     def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""
         return tuple(
-            TableObservation(case, sigma, under.turn, cast("float | None", under.torque), self.gears)
-            for case, sigma, under in zip(
-                self.cases, self.sigmas, (self.conditions[which] for which in self.which), strict=True
-            )
+            TableObservation(case, sigma, self.conditions[which], self.gears)
+            for case, sigma, which in zip(self.cases, self.sigmas, self.which, strict=True)
         )
 
 
@@ -295,8 +291,10 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
     found: dict[float, float] = {}
     guessed: dict[float, float] = {}
     if any(case.sigma is None for case in cases):
-        for order in sorted({round(order, 6) for case in cases for order in case.orders.tolist()}):
-            series = _over_the_load(cases, order)
+        rows = rows_of(cases)
+        places = np.round(rows["order"], 6)
+        for order in np.unique(places).tolist():
+            series = _over_the_load(rows[places == order])
             squares, freedom = np.sum([_beyond_a_parabola(*one) for one in series], axis=0)
             if freedom:
                 found[order] = math.sqrt(squares / freedom)
@@ -318,15 +316,11 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
     return [np.tile(np.hypot(sigma, floor), 2) for sigma in own], notes
 
 
-def _over_the_load(cases: Sequence[OrderCase], order: float) -> list[tuple[Array, Array]]:
-    """Torques and waves of an order, of each direction, speed and temperature."""
-    groups: dict[tuple[float, ...], list[tuple[float, complex]]] = {}
-    for case in cases:
-        at = case.condition
-        for place in np.flatnonzero(np.round(case.orders, 6) == order):
-            key = (at.direction, at.input_speed or 0.0, at.temperature or 0.0)
-            groups.setdefault(key, []).append((at.torque or 0.0, case.waves[place]))
-    return [(np.array(torques), np.array(waves)) for torques, waves in (zip(*g, strict=True) for g in groups.values())]
+def _over_the_load(rows: Cases) -> list[tuple[Array, Array]]:
+    """Torques and waves of one order, of each direction, speed and temperature."""
+    at = np.nan_to_num(np.stack([rows["direction"], rows["speed"], rows["temperature"]], axis=1))
+    alike = [rows[(at == key).all(axis=1)] for key in np.unique(at, axis=0)]
+    return [(np.nan_to_num(own["torque"]), own["wave"]) for own in alike]
 
 
 def _beyond_a_parabola(torque: Array, waves: Array) -> tuple[float, int]:
