@@ -301,11 +301,9 @@ class Moves:
         does, or does not."""
         fit, blocks = self.influences(one)
         for number, effect in enumerate(fit.added):
-            own = columns_of(fit, [(effect.key, effect.indices)])
             with_crank = source(effect.key).repeats_with_crank(fit.run_set.unit, effect.indices)
             from_starts = self._starts(fit, self.starting(with_crank=with_crank))
-            for some in (blocks, from_starts):
-                yield from self._in_place_of(one, fit, number, [*some, *own])
+            yield from self._in_place_of(one, fit, number, (blocks, from_starts), most=_OFFERED)
 
     def exchanges(self, one: Hypothesis) -> Iterator[Trial]:
         """Another cause in the place of each, the first by linear steps and starts from the fitted sizes of the others.
@@ -316,19 +314,20 @@ class Moves:
         """
         fit, blocks = self.influences(one)
         starts = self._starts(fit, self.starting(with_crank=True))
-        for number, effect in enumerate(fit.added):
-            own = columns_of(fit, [(effect.key, effect.indices)])
-            for some in (blocks, starts):
-                yield from self._in_place_of(one, fit, number, [*some, *own])[: _OFFERED // len(fit.added)]
+        for number in range(len(fit.added)):
+            yield from self._in_place_of(one, fit, number, (blocks, starts), most=_OFFERED // len(fit.added))
 
-    def _in_place_of(self, one: Hypothesis, fit: Fit, number: int, blocks: Sequence[Columns]) -> list[Trial]:
-        """Others in the place of a cause by linear steps, of columns that have its own: beside what it promises itself
-        by the same step, or has where that leads to sizes which cannot be."""
+    def _in_place_of(
+        self, one: Hypothesis, fit: Fit, number: int, kinds: Sequence[Sequence[Columns]], *, most: int
+    ) -> Iterator[Trial]:
+        """Others in the place of a cause by linear steps, so many of each kind of columns: beside what it promises
+        itself by the same step, or has where that leads to sizes which cannot be."""
         name, cost = (fit.added[number].key, fit.added[number].indices), self.score.cost
-        rest = without_effect(fit, number)
-        offers = singles(rest, blocks, cost)
-        mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
-        return self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)
+        rest, own = without_effect(fit, number), columns_of(fit, [name])
+        for blocks in kinds:
+            offers = singles(rest, [*blocks, *own], cost)
+            mine = next((o.score for o in offers if o.names[0] == name), fit.objective + cost(name))
+            yield from self._offered(one, rest.model, [o for o in offers if o.names[0] != name], mine)[:most]
 
     def single_place_alone(self, one: Hypothesis) -> Iterator[Trial]:
         """A source of one place from all its starts, in the place of a cause of its frame, and of two causes or more.
