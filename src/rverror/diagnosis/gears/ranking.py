@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.causes import Named, identity
-from rverror.diagnosis.gears.fit import Fit, bounds
+from rverror.diagnosis.gears.fit import Fit, bounds, counted
 from rverror.model.catalogue import source
 
 _REGULAR = 1e-9  # of two blocks that are as good as one
@@ -220,17 +220,15 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, whole: bool) -> list[_Re
         products += rows @ rows.T if whole else _own_products(rows, rows, ends, width)
     prior = np.stack([_prior(block, fit, width) for block in blocks])
     before = np.linalg.slogdet(prior)[1]
-    found = []
-    n = fit.bound
+    found, policy = [], fit.run_set.policy
     for scale in np.geomspace(fit.scale, 1.0, SCALES if fit.scale > 1 else 1):
         matrix = fit.gram[free][:, free] / scale + np.diag(fit.pull[free])
         right = fit.moment[free] / scale - (fit.pull * fit.departure)[free]
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
-        squares = n + fit.run_set.policy.regular * (scale - 1)  # at which a square counts so much less
-        regular = fit.run_set.policy.regular
-        counted = n + regular * math.log1p((squares - n) / regular)
-        constant = counted + (fit.data - squares) / scale + fit.prior - float(right @ inverse @ right)
+        squares = fit.bound + policy.regular * (scale - 1)  # at which a square counts so much less
+        tangent = counted(squares, fit.bound, policy) + (fit.data - squares) / scale
+        constant = tangent + fit.prior - float(right @ inverse @ right)
         reach = cross @ inverse / scale
         v = np.zeros((len(blocks), width))
         v[places] = moment / scale - reach @ right
