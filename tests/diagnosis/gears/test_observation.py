@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rverror
-from gear_runs import BARE, CAM, TURN, UNIT, record_of, runs_of
+from gear_runs import CAM, TURN, UNIT, record_of, runs_of
 from rverror.base.arrays import Array
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.gears.fit import RunSet, evaluated
@@ -70,8 +70,7 @@ def test_what_is_read_at_the_output_keeps_to_the_bench_s_zero() -> None:
     """An encoder's waves stand in the bench, wherever the marks of the gear are."""
     theta = TURN * np.arange(300) / 300
     record = record_of(np.zeros(theta.size), theta)
-    run_set = RunSet.of(UNIT, [record], POLICY, points=256, anywhere=False)
-    rows = EverySample(record).beyond(run_set, BARE, ("sensor.encoder_eccentricity", {}), None, 0.37)
+    rows = EverySample(record).beyond(UNIT, whole(0.0, TURN, 256), ("sensor.encoder_eccentricity", {}), {}, 0.37)
     assert rows == pytest.approx(np.stack([np.cos(theta), np.sin(theta)]), abs=1e-12)
 
 

@@ -254,12 +254,13 @@ class RunSet:
 
         def seen(number: int) -> Array:
             observation, which = self.observations[number], self.which[number]
-            forces, part = under[which] if under else (None, None)
+            turn, (forces, part) = self.conditions[which].turn, under[which] if under else ({}, None)
             rows = np.zeros((at.size, observation.width))
             if part is not None:
-                rows[at] = observation.of_grid(self.conditions[which].turn, part, offset)
+                rows[at] = observation.of_grid(turn, part, offset)
             if beyond:
-                rows[~at] = np.concatenate([observation.beyond(self, model, one, forces, offset) for one in beyond])
+                read = [observation.beyond(model.mechanism, turn, name, forces, offset) for name in beyond]
+                rows[~at] = np.concatenate(read)
             return rows
 
         return self.of_each(seen)

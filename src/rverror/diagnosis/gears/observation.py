@@ -8,7 +8,7 @@ the whitening.  With W [B, X, y] = Q R, X what is no waveform of the gear train 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
 
@@ -19,14 +19,14 @@ from rverror.base.arrays import Array, Flags
 from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.grid import AngleGrid, Readout
 from rverror.diagnosis.gears.record import Record
-from rverror.diagnosis.gears.waveform import Waveform
+from rverror.diagnosis.gears.waveform import Waveform, conditions_at
 from rverror.diagnosis.noise import Whitening, averaged
 from rverror.geartrain.action_line import ContactForces
+from rverror.geartrain.contacts import motion
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Mechanism, Reducer
+from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix
-from rverror.model.effects import Model
 
 T = TypeVar("T")
 
@@ -54,8 +54,8 @@ class Observation(Protocol):
     def change(self, wave: Waveform, offset: float) -> Array:
         """Change with the angle."""
 
-    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
-        """Rows of a source that is no waveform of the grid."""
+    def beyond(self, unit: Mechanism, grid: AngleGrid, named: Named, forces: ContactForces, offset: float) -> Array:
+        """Rows of a source that is no waveform of the grid, on which the forces are."""
 
     def whiten(self, rows: Array) -> Array:
         """Rows under the noise."""
@@ -103,16 +103,12 @@ class EverySample(Observation):
         """Change with the angle."""
         return self.readout(wave.grid, offset).change(wave.error)
 
-    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, unit: Mechanism, grid: AngleGrid, named: Named, forces: ContactForces, offset: float) -> Array:
         """Rows of a source that is projected at the samples themselves: no waveform that repeats."""
-        unit = model.mechanism
         key, indices = named
         if source(key).at_output:
             return source_matrix(self._motion(unit, 0.0), {"output": np.ones((1, self.width))}, key, indices)
-        assert forces is not None
-        assert isinstance(unit, Reducer)
-        number = next(i for i, r in enumerate(run_set.records) if r.name == self.record.name)
-        readout = self.readout(run_set.conditions[run_set.which[number]].turn, offset)
+        readout = self.readout(grid, offset)
         gears = self._motion(unit, offset)
         mesh = {
             k: readout(v.reshape(-1, v.shape[-1])).reshape(*v.shape[:-1], -1)
@@ -123,8 +119,12 @@ class EverySample(Observation):
 
     def _motion(self, unit: Mechanism, offset: float) -> Pose:
         """Motion at the samples, made once: stiffness plays no part in it."""
-        turned = replace(self.record, theta=self.record.theta + offset)
-        return _once(self.record.made, offset, lambda: turned.pose(unit))
+        record = self.record
+
+        def made() -> Pose:
+            return motion(unit, conditions_at(record.theta + offset, record.direction, record.torque, record.time))
+
+        return _once(record.made, offset, made)
 
     @property
     def whitening(self) -> Whitening:
@@ -203,9 +203,9 @@ class MeanSamples(EverySample):
         """Change with the angle."""
         return np.asarray(self.averaged(super().change(wave, offset)[None])[0])
 
-    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, unit: Mechanism, grid: AngleGrid, named: Named, forces: ContactForces, offset: float) -> Array:
         """Rows of a source that is no waveform of the grid."""
-        return self.averaged(EverySample(self.record).beyond(run_set, model, named, forces, offset))
+        return self.averaged(EverySample(self.record).beyond(unit, grid, named, forces, offset))
 
     @cached_property
     def whitening(self) -> Whitening:

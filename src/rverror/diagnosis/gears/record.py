@@ -15,11 +15,8 @@ from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError, refusing
 from rverror.base.numbers import count_of
 from rverror.diagnosis.gears.grid import AngleGrid, stretch, whole
-from rverror.diagnosis.gears.waveform import LoadCase, conditions_at
+from rverror.diagnosis.gears.waveform import LoadCase
 from rverror.diagnosis.noise import Whitening
-from rverror.geartrain.contacts import motion
-from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.torque_over_turn import TorqueWaves, shared_torques
 from rverror.model.effects import Model
 from rverror.runs.faults import Faults, find_faults
@@ -133,10 +130,6 @@ class Record:
         """One standard deviation of the windup by mean and first waves of the torque, where its windup is in doubt."""
         waves = self.theta * np.arange(_DOUBTED)[:, None]
         return self.windup * np.concatenate([np.cos(waves), np.sin(waves[1:])]) if self.windup else None
-
-    def pose(self, unit: Mechanism) -> Pose:
-        """Motion at the samples."""
-        return motion(unit, conditions_at(self.theta, self.direction, self.torque, self.time))
 
     @cached_property
     def senses(self) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +29,8 @@ from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
 from rverror.geartrain.kinematics import Pose
-from rverror.geartrain.mechanism import Reducer
+from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.model.compose import source_matrix
-from rverror.model.effects import Model
 from rverror.runs.order_table import OrderCase, OrderTable
 
 #: Samples of a wave of the highest order on the grid of a turn: waves are taken from it directly.
@@ -121,7 +120,7 @@ class TableObservation(Observation):
         count = self.case.orders.size
         return np.concatenate([-row[count:] * self.case.orders, row[:count] * self.case.orders])
 
-    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    def beyond(self, unit: Mechanism, grid: AngleGrid, named: Named, forces: ContactForces, offset: float) -> Array:
         """Waves of a source that acts beyond the contacts."""
         rows = source_matrix(self._motion, {"output": np.ones((1, self.under.turn.points))}, *named)
         return np.asarray(rows @ self._own)

@@ -36,14 +36,22 @@ _APART = 1e-5  # of a row beside others: what keeps less is one of them, so that
 
 @dataclass(frozen=True, eq=False)
 class DriveObservation(EverySample):
-    """A run of a drive, sample by sample: no gear train moves its output."""
+    """A run of a drive, sample by sample: no gear train moves its output.
 
-    def beyond(self, run_set: Any, model: Model, named: Named, forces: ContactForces | None, offset: float) -> Array:
+    Attributes
+    ----------
+    rows : dict
+        Rows of sources at these angles, kept for all records of them.
+    """
+
+    rows: dict[object, Array]
+
+    def beyond(self, unit: Mechanism, grid: AngleGrid, named: Named, forces: ContactForces, offset: float) -> Array:
         """Rows of a source, which hang on the angles alone."""
-        name, made = (id(self.record.theta), identity(named)), run_set.made
-        if name not in made:
-            made[name] = super().beyond(run_set, model, named, forces, offset)
-        return np.asarray(made[name])
+        name = id(self.record.theta), identity(named)
+        if name not in self.rows:
+            self.rows[name] = super().beyond(unit, grid, named, forces, offset)
+        return self.rows[name]
 
     def of_wave(self, wave: Waveform, rows: Array, offset: float) -> Array:
         """Nothing of every row."""
@@ -120,7 +128,7 @@ class DriveSet(RunSet):
     @cached_property
     def observations(self) -> tuple[Observation, ...]:
         """How each record is looked at."""
-        return tuple(DriveObservation(record) for record in self.records)
+        return tuple(DriveObservation(record, self.made) for record in self.records)
 
 
 def _beside(record: Record, *, swings: bool) -> Array:
