@@ -11,7 +11,7 @@ import numpy as np
 from rverror.base.arrays import Array, Flags
 from rverror.base.text import describe
 from rverror.diagnosis.gears.fit import Fit, as_declared, evaluated, fitted, onto, solved
-from rverror.diagnosis.gears.record import Record, less
+from rverror.diagnosis.gears.record import Record, left_beside
 from rverror.diagnosis.gears.score import Hypothesis, bent, unsure
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import MOST_LINES, TOLD_ORDER, LineFound, best_lines, leading, line_at
@@ -49,15 +49,11 @@ def account(
     beside : sequence of Fit
         Of the best's set, at sizes that chance does not tell from its own: intervals hold theirs too.
     """
-    policy = search.policy
-    left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
-    taken = bool(best.fit.added) and not done
-    if taken:
+    if best.fit.added and not done:
         names = " with ".join(describe(e.key, e.indices) for e in best.fit.added)
         notes.append(f"the best candidate, {names}, leaves more than noise: not named")
         search.journal.note("fell", (best.fit.added[-1].key, best.fit.added[-1].indices), "leaves more than noise")
         best = search.score.of(fitted(onto(best.fit.run_set.bare, search.root.fit)))
-        left = best_lines(best.fit, policy, outside=False, most=MOST_LINES)
     fit, halves = best.fit, half_widths(best.fit, beside)
     for record, rest in zip(fit.run_set.records, fit.residual, strict=True):
         notes += [f"{record.name}: {text}, in the residual of the fit" for text in record.more]
@@ -68,7 +64,7 @@ def account(
     # a line is no part of the model: it stays in what the model leaves
     lined = fit.run_set.with_free((), slow=best.slow)
     after = evaluated(lined, fit.model, fit.declared, fit.waves) if best.lines else fit
-    lines = line_estimates(fit, left)
+    lines = line_estimates(fit, best_lines(fit, search.policy, outside=False, most=MOST_LINES))
     held = residual(fit).heldout_rms if fit.added else 0.0
     added = tuple(_addition(search, best, at, halves, held) for at in range(len(fit.added)))
     for one in added:
@@ -156,7 +152,7 @@ def left_out(fit: Fit, *, hold: bool = False) -> list[Array]:
             out = label == fold
             rest = fit.residual[number] - step @ fit.raw[number] - settled[number]
             rows = replace(record, zero="", slow=False, slips=()).nuisance
-            result[number][out] = less(rest, rows, ~out & record.kept)[out]
+            result[number][out] = left_beside(rest, rows, ~out & record.kept)[out]
     return result
 
 

@@ -153,7 +153,7 @@ class Record:
     def without_nuisance(self, rest: Array) -> Array:
         """A residual less what offset, slips and lines make of it, by least squares."""
         rows = self.nuisance if not self.zero else np.concatenate([np.ones((1, rest.size)), self.nuisance])
-        return less(rest, rows, self.kept)
+        return left_beside(rest, rows, self.kept)
 
     def told_as_noise(self, rest: Array) -> Array:
         """A residual that noise is told from: `without_nuisance`, and of a run whose contacts change sides without its
@@ -163,11 +163,11 @@ class Record:
             return clean
         angle = self.theta * np.arange(_SLOWEST + 1)[:, None]
         rows = np.concatenate([np.cos(angle), np.sin(angle[1:])])
-        return less(clean, rows, self.kept)
+        return left_beside(clean, rows, self.kept)
 
 
-def less(rest: Array, rows: Array, at: Flags) -> Array:
-    """A residual less what rows make of it, by least squares at some samples."""
+def left_beside(rest: Array, rows: Array, at: Flags) -> Array:
+    """What is left of a residual beside rows, by least squares at some samples."""
     sizes = np.linalg.lstsq(rows[:, at].T, rest[at], rcond=1e-10)[0]
     return np.asarray(rest - sizes @ rows)
 

@@ -299,8 +299,8 @@ class Search:
         """The set without one cause; a few steps tell where not even a linear one promises enough."""
         if one.names == {named(one.fit.added[number])}:
             return self.root
-        model, base = one.fit.model_with(instead_of=number), one.coarse
-        few = fitted(evaluated(base.run_set, replace(model, mechanism=base.model.mechanism), base.declared, base.waves))
+        base = one.coarse
+        few = fitted(evaluated(base.run_set, base.model_with(instead_of=number), base.declared, base.waves))
         fit = onto(one.fit.run_set, few)
         if fit.objective < one.fit.objective + 5 * _CLOSE:
             fit = fitted(fit)
