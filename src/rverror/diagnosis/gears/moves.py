@@ -136,6 +136,11 @@ def marked(model: Model, offset: float) -> Model:
     return replace(model, effects=effects)
 
 
+def turned_to(fit: Fit, offset: float) -> Fit:
+    """The same sizes with the marks at an offset."""
+    return evaluated(fit.run_set, marked(fit.model, offset), fit.declared, fit.waves)
+
+
 def _enlarged(model: Model, by: Effect) -> Model:
     """The model with one of its effects larger by sizes of its own kind."""
     effects = [
@@ -229,7 +234,7 @@ class Moves:
         """Single causes with the marks elsewhere: what is missing decides where they are too."""
 
         def at(offset: float) -> list[Trial]:
-            state = evaluated(fit.run_set, marked(fit.model, offset), fit.declared, fit.waves)
+            state = turned_to(fit, offset)
             offers = singles(state, blocks(state), self.score.cost)[:2]
             away = state.objective - fit.objective
             return [replace(t, score=t.score + away) for t in self._offered(one, state.model, offers)]

@@ -26,7 +26,7 @@ from rverror.diagnosis.gears.fit import (
     with_noise_of,
     with_walk,
 )
-from rverror.diagnosis.gears.moves import marked
+from rverror.diagnosis.gears.moves import marked, turned_to
 from rverror.diagnosis.gears.record import Record, records_of
 from rverror.diagnosis.gears.residual_faults import nearly_noise, without_residual_faults
 from rverror.diagnosis.gears.score import Hypothesis
@@ -235,11 +235,6 @@ def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:
     trials = sorted(each(left_at, [span * at / count for at in range(count)]))
     offsets = tuple(angle for _, angle in trials)
     return with_estimated_noise(turned_to(first, offsets[0])), offsets
-
-
-def turned_to(fit: Fit, offset: float) -> Fit:
-    """The same sizes with the marks at an offset."""
-    return evaluated(fit.run_set, marked(fit.model, offset), fit.declared, fit.waves)
 
 
 def ripples_apart(search: Search, one: Hypothesis) -> tuple[Hypothesis, list[Fit]]:

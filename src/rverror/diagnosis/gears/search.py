@@ -399,7 +399,7 @@ class Search:
         """A set with the strongest line that no part has."""
         if not one.fit.run_set.sampled:  # a table names all its lines
             return []
-        lines = best_lines(one.with_rows.fit, self.policy, outside=True)[:1]
+        lines = best_lines(one.with_rows.fit, self.policy, outside=True)
         return [self.with_free(one, (*one.lines, line.order), slow=one.slow) for line in lines]
 
     def with_free(self, one: Hypothesis, lines: Sequence[float], *, slow: bool) -> Hypothesis:
