@@ -170,7 +170,7 @@ class Moves:
         self.root, self.candidates, self.score = root, tuple(candidates), score
         self.offsets, self.starts = tuple(offsets), starts
         self._leading: list[Offer] = []
-        self._last = dict[str, tuple[Array, tuple[Fit, list[Columns]]]]()
+        self._last = dict[bool, tuple[Array, tuple[Fit, list[Columns]]]]()
         self._once = Once()
 
     def anew(self, root: Hypothesis) -> Moves:
@@ -390,29 +390,19 @@ class Moves:
 
     def influences(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
         """A set on few angles, and every candidate's influence there."""
-
-        def made() -> tuple[Fit, list[Columns]]:
-            fit = onto(one.fit.run_set.coarse, one.fit)
-            return fit, self.blocks(fit)
-
-        return self._lately("fitted", one, made)
+        return self._lately(one, declared=False)
 
     def _plain(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
         """The same with all declared sizes as declared."""
+        return self._lately(one, declared=True)
 
-        def made() -> tuple[Fit, list[Columns]]:
-            plain = as_declared(onto(one.fit.run_set.coarse, one.fit))
-            return plain, self.blocks(plain)
-
-        return self._lately("declared", one, made)
-
-    def _lately(
-        self, what: str, one: Hypothesis, make: Callable[[], tuple[Fit, list[Columns]]]
-    ) -> tuple[Fit, list[Columns]]:
+    def _lately(self, one: Hypothesis, *, declared: bool) -> tuple[Fit, list[Columns]]:
         """What is made of a set, kept until it is made of another: influences are large."""
-        kept = self._last.get(what)
+        kept = self._last.get(declared)
         if kept is None or kept[0] is not one.fit.gram:
-            kept = self._last[what] = one.fit.gram, make()
+            fit = onto(one.fit.run_set.coarse, one.fit)
+            fit = as_declared(fit) if declared else fit
+            kept = self._last[declared] = one.fit.gram, (fit, self.blocks(fit))
         return kept[1]
 
     def free(self, fit: Fit) -> list[Named]:
@@ -453,10 +443,17 @@ class Moves:
         plain, made = self._once(
             ("starts", which), self.candidates, lambda: self.starts.of(run_set.coarser(_STARTS), names)
         )
+        if not made:
+            return []
 
-        def read() -> list[Array]:
-            return run_set.of_each(partial(self._read, run_set, offset, plain, [waves for _, waves in made]))
+        def seen(number: int) -> Array:
+            """What the starts make as a record sees it, whitened."""
+            observation, at = run_set.observations[number], run_set.which[number]
+            every = (plain, *(waves for _, waves in made))
+            rows = [observation.of_wave(waves[at], waves[at].error[None], offset) for waves in every]
+            return observation.whiten(np.concatenate(rows[1:]) - rows[0])
 
+        read = partial(run_set.of_each, seen)
         at_root = self.root.fit.model.index_offset == offset
         rows = self._once(("rows", which), run_set, read) if at_root else read()
         return [
@@ -464,12 +461,3 @@ class Moves:
             for at, (e, _) in enumerate(made)
             if named(e) not in taken
         ]
-
-    @staticmethod
-    def _read(
-        run_set: RunSet, offset: float, plain: Sequence[Waveform], made: Sequence[Sequence[Waveform]], number: int
-    ) -> Array:
-        """What waveforms differ by from that of the declared model, as a record sees it, whitened."""
-        observation, which = run_set.observations[number], run_set.which[number]
-        rows = [observation.of_wave(waves[which], waves[which].error[None], offset) for waves in (plain, *made)]
-        return observation.whiten(np.concatenate(rows[1:]) - rows[0]) if made else np.empty((0, observation.width))
