@@ -276,6 +276,11 @@ def test_noise_is_what_parabolas_over_the_load_leave() -> None:
     # 2 (40 - 3) values of each direction: one standard deviation of their root mean square is 6 %
     assert sigmas[0] == pytest.approx(np.full(4, 0.2 * ARCSEC), rel=0.2)
     assert "states no sigma" in notes[0]
+    held = [  # as a bench holds speed and temperature
+        replace(case, condition=replace(case.condition, input_speed=100 * (1 + 1e-3 * a), temperature=25 + 0.2 * b))
+        for case, (a, b) in zip(cases, rng.uniform(-1, 1, (80, 2)), strict=True)
+    ]
+    np.testing.assert_allclose(noise_of_cases(held, floor=0.0)[0], sigmas, rtol=1e-12)
     stated = [replace(case, sigma=np.full(2, 1e-6)) for case in cases]
     assert noise_of_cases(stated, floor=0.0) == ([pytest.approx(np.full(4, 1e-6))] * 80, [])
     large = [replace(case, waves=100 * case.waves) for case in cases[:4]]

@@ -24,7 +24,7 @@ from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
 from rverror.diagnosis.gears.waveform import LoadCase, Waveform
-from rverror.diagnosis.order_passport import Cases, rows_of
+from rverror.diagnosis.order_passport import SAME_SETTING, SAME_TEMPERATURE, Cases, level_of, rows_of
 from rverror.diagnosis.policy import Policy
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.action_line import ContactForces
@@ -317,7 +317,8 @@ def noise_of_cases(cases: Sequence[OrderCase], *, floor: float) -> tuple[list[Ar
 
 def _over_the_load(rows: Cases) -> list[tuple[Array, Array]]:
     """Torques and waves of one order, of each direction, speed and temperature."""
-    at = np.nan_to_num(np.stack([rows["direction"], rows["speed"], rows["temperature"]], axis=1))
+    speed = level_of(rows["speed"], SAME_SETTING * float(np.nanmax(rows["speed"], initial=0.0)))
+    at = np.stack([rows["direction"], speed, level_of(rows["temperature"], SAME_TEMPERATURE)], axis=1)
     alike = [rows[(at == key).all(axis=1)] for key in np.unique(at, axis=0)]
     return [(np.nan_to_num(own["torque"]), own["wave"]) for own in alike]
 
