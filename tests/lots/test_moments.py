@@ -282,13 +282,20 @@ def test_an_interval_holds_what_a_state_as_likely_has(question: Question) -> Non
     assert both.interval(pitch) == (0.0, other.interval(pitch)[1])
 
 
-def test_shares_are_those_of_the_variance_not_of_the_noise() -> None:
-    """Two processes of one amplitude each: 2 um at 3 per um with a noise of 1, and 1 um at 1 per um with one of 4."""
-    squares = np.array([np.diag([9.0, 0.0]), np.diag([0.0, 1.0])])
+def test_what_another_fit_has_more_of_is_told_where_it_is_none_here() -> None:
+    """Shares of the variance, not of the noise: 2 um at 3 per um with a noise of 1, and 1 um at 1 per um with 4."""
+    squares, noise = np.array([np.diag([9.0, 0.0]), np.diag([0.0, 1.0])]), np.array([1.0, 4.0])
     draws = Draws(np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)), np.empty((2, 2)), squares, marked=True)
-    known = np.eye(2 + COMPLIANCES)
-    found = LotEstimate(State(np.array([2.0, 1.0])), known, 1.0, 1, draws, draws.influence, np.eye(2))
-    np.testing.assert_allclose(found.shares(np.array([1.0, 4.0])), [0.9, 0.1], rtol=1e-12)
+
+    def told(first: float, second: float, *others: LotEstimate) -> LotEstimate:
+        state, known = State(np.array([first, second])), 1e-4 * np.eye(2 + COMPLIANCES)
+        return LotEstimate(state, known, 1.0, 1, draws, draws.influence, np.eye(2), others)
+
+    np.testing.assert_allclose(told(2.0, 1.0).shares(noise), [0.9, 0.1], rtol=1e-12)
+    without = told(2.0, 1e-3)
+    assert told(2.0, 1e-3, told(1e-3, 1.0), told(1.5, 1.0), without).more_elsewhere(noise) == [1]
+    assert told(1e-3, 1.0, without).more_elsewhere(noise) == [0]
+    assert told(2.0, 1.0, told(1.0, 2.0)).more_elsewhere(noise) == []  # either is above zero in both
 
 
 def test_no_variance_is_known_worse_than_by_its_prior(question: Question) -> None:

@@ -161,12 +161,12 @@ def lot(
         orders=simulator.amplitudes.orders.astype(np.float64),
         amplitudes=_rms(simulator.amplitudes, cleaned.values[cleaned.kept]),
         made=_rms(simulator.amplitudes, estimate.draws.values, noise=1.0),
-        notes=(*_notes(amplitudes, cleaned), *_as_likely(simulator, estimate)),
+        notes=_notes(amplitudes, cleaned, estimate, simulator),
         marked=amplitudes.marked,
     )
 
 
-def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
+def _notes(amplitudes: Amplitudes, cleaned: _Cleaned, estimate: LotEstimate, simulator: Simulator) -> tuple[str, ...]:
     count, members = int(cleaned.kept.sum()), int(cleaned.members.sum()) - len(cleaned.suspects)
     notes = list(amplitudes.notes)
     if cleaned.suspects:
@@ -175,21 +175,12 @@ def _notes(amplitudes: Amplitudes, cleaned: _Cleaned) -> tuple[str, ...]:
         notes.append(f"told from {count} of {members} units: those without the differences and changes that are named")
     if not amplitudes.marked:
         notes.append(_UNMARKED)
+    for at in estimate.more_elsewhere(simulator.amplitudes.noise):
+        notes.append(
+            f"a fit with more of {simulator.parts.processes[at].label} is as likely, and the intervals hold both; "
+            "units measured at another torque may tell them apart"
+        )
     return tuple(notes)
-
-
-def _as_likely(simulator: Simulator, estimate: LotEstimate) -> list[str]:
-    """A note for each other fit in which a process is above zero that is not so here: the one that makes most more."""
-    noise, alone, found = simulator.amplitudes.noise, replace(estimate, others=()), dict[str, None]()
-    for other in estimate.others:
-        at = int(np.argmax(other.shares(noise) - alone.shares(noise)))
-        if alone.interval(at)[0] == 0 < other.interval(at)[0]:
-            found[simulator.parts.processes[at].label] = None
-    return [
-        f"a fit with more of {label} is as likely, and the intervals hold both; units measured at another torque may "
-        "tell them apart"
-        for label in found
-    ]
 
 
 def _matching(simulator: Simulator, question: Question, cleaned: _Cleaned, seed: int, tell: Progress) -> MomentMatching:

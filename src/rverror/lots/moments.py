@@ -103,6 +103,15 @@ class LotEstimate:
         power = np.einsum("cdd,d->c", self.draws.squares, noise) * self.state.deviation**2
         return np.asarray(power / power.sum())
 
+    def more_elsewhere(self, noise: Array) -> list[int]:
+        """Processes above zero in another fit and not in this one: of each fit the one whose share grows most."""
+        alone, found = replace(self, others=()), list[int]()
+        for other in self.others:
+            at = int(np.argmax(other.shares(noise) - self.shares(noise)))
+            if alone.interval(at)[0] == 0 < other.interval(at)[0] and at not in found:
+                found.append(at)
+        return found
+
     @property
     def poor(self) -> bool:
         """Whether chance makes so large a chi-square less often than in one lot of 20."""
