@@ -105,6 +105,19 @@ def test_drift_and_ratio_error_are_no_ones_to_compensate() -> None:
     assert any("sensor.ratio_error stays" in note for note in made.notes)
 
 
+def test_a_drift_beside_what_is_compensated_is_predicted_with_it() -> None:
+    """The model lowers the error by its wave and its slope; a slope left in would say that it does not."""
+    theta = np.linspace(0, 8 * np.pi, 4001)
+    wave = rverror.effect("shaft.eccentricity", shaft="motor", harmonic=1, cos="4 arcsec", sin="0 arcsec")
+    drive = rverror.Drive(ratio=14.0, shafts={"motor": 14.0})
+    model = rverror.Model(drive, (wave, rverror.effect("sensor.ratio_error", slope=5e-4)))
+    te = rverror.transmission_error(model, theta)
+    assert te.std() > 100 * 4 * ARCSEC
+    made = rverror.compensate(model, [rverror.run_from_arrays(input_angle=14 * theta, te=te)])
+    assert [one.order for one in made.orders] == [14.0]
+    assert not any("raise the error" in note for note in made.notes)
+
+
 def test_runs_of_different_zeros_are_refused() -> None:
     runs = runs_of(rverror.Model(UNIT, (WAVE,)), turns=1)
     with pytest.raises(rverror.InputError, match="the zeros of the runs differ"):

@@ -22,6 +22,7 @@ LIMITS = [
     rverror.limit("lost_motion", "60 arcsec", torque="5 N*m"),
 ]
 UNITS = 4
+COSTS = {"classes": 1.0, "sorting": 2.0, "matching": 4.0, "turning": 8.0, "rollers": 16.0}
 
 
 def drawn(rng, key, size, **indices):
@@ -64,7 +65,7 @@ def parts():
 
 @pytest.fixture(scope="module")
 def found():
-    return match(MODEL, parts(), LIMITS)
+    return match(MODEL, parts(), LIMITS, costs=COSTS)
 
 
 def by_hand(unit):
@@ -156,6 +157,19 @@ def test_matching_beats_chance(found):
     assert placed.p95 < random.p95
 
 
+def test_each_way_costs_what_is_done_for_it(found):
+    """No part of these is turned; what has no price costs nothing known."""
+    costs = {way.name: way.cost for way in found.ways}
+    assert costs == {
+        "put together at random": None,
+        "three classes": 1.0,
+        "rollers of one size in a unit, at random": 2.0,
+        "parts 20 % more accurate, at random": None,
+        "matched": 4.0,
+        "rollers placed as well": 20.0,
+    }
+
+
 def test_discs_of_three_cranks_are_turned():
     """Each disc stands where it is made for; a turn is worth what the equilibrium of a model made by hand says."""
     reducer = replace(UNIT, cranks=3)
@@ -166,7 +180,7 @@ def test_discs_of_three_cranks_are_turned():
         )
         for n in range(2)
     ] + cranks(rng, 3)
-    found = match(rverror.Model(reducer), some, LIMITS[:1], turns=True)
+    found = match(rverror.Model(reducer), some, LIMITS[:1], turns=True, costs=COSTS)
     (unit,) = found.units
     assert [part.serial for part in unit.parts if part.kind == "disc"] == ["D0", "D1"]
     theta = 2 * np.pi * np.arange(480) / 480
@@ -181,7 +195,9 @@ def test_discs_of_three_cranks_are_turned():
     chosen = tuple(part.turn for part in unit.parts if part.kind == "disc")
     assert sizes[chosen] == pytest.approx(unit.turns[0], rel=0.05)
     assert sizes[chosen] < 1.1 * min(sizes.values()) < 0.9 * np.median(list(sizes.values()))
-    assert {"turned, not matched", "matched and turned"} <= {way.name for way in found.ways}
+    assert {"turned, not matched": 8.0, "matched and turned": 12.0}.items() <= {
+        w.name: w.cost for w in found.ways
+    }.items()
 
 
 def test_serial_numbers_are_names_alone():

@@ -9,6 +9,7 @@ import pytest
 
 import rverror
 from rverror import Model
+from rverror.base.units import to_core
 
 ARCSEC = math.pi / 648000
 UNIT = rverror.reducer("RV-40E")
@@ -82,3 +83,17 @@ def test_what_gives_way_unevenly_lags_with_the_load(key: str, order: int) -> Non
         assert wave == pytest.approx(-direction * torque * size, rel=1e-9)
     with pytest.raises(ValueError, match="needs the torque"):
         rverror.influence(unit, theta, key, direction=1.0, harmonic=3)
+
+
+@pytest.mark.parametrize(
+    ("key", "most"),
+    [
+        ("empirical.order_by_load", "60 arcsec/(kN*m)"),
+        ("load.torsion_wave", "10 arcsec/(kN*m)"),
+        ("load.input_torsion_wave", "10 arcsec/(kN*m)"),
+        ("sensor.output_tilt", "10 arcsec/(kN*m)"),
+    ],
+)
+def test_plausible_windup_is_stated_per_kilonewton_metre(key: str, most: str) -> None:
+    expected = to_core(most, "compliance")
+    assert [one.plausible for one in rverror.CATALOGUE[key].parameters] == pytest.approx([expected] * 2, rel=1e-12)

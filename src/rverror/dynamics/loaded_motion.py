@@ -274,7 +274,7 @@ def in_frames(train: Train, rows: Array, theta: Array) -> Array:
 
 
 def _turned(train: Train, matrix: Array, theta: Array) -> Array:
-    """Matrices in the housing frame, (n, size, size), in the frames of the parts: first their rows, then columns."""
+    """Symmetric matrices in the housing frame, (n, size, size), in the frames of the parts: columns, then rows."""
     rows = in_frames(train, _samples_last(matrix), theta)
     return np.moveaxis(in_frames(train, np.swapaxes(rows, 0, 1), theta), -1, 0)
 

@@ -445,10 +445,10 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
         counts |= dict.fromkeys(asked, count)
         found = of.ranked(at, solved)
         if most is not None:
-            one, sizes_now = fits.candidates[found.best], found.effects[found.best].sizes
-            if scattered is None or scattered[0] != found.best or _far(sizes_now, scattered[1]):
-                scattered = found.best, sizes_now
-                shifted = units.covariance(one, _bounded(sizes_now, one))
+            one, own = fits.candidates[found.best], found.effects[found.best].sizes
+            if scattered is None or scattered[0] != found.best or _far(own, scattered[1]):
+                scattered = found.best, own
+                shifted = units.covariance(one, _bounded(own, one))
             of = unshifted.scattered(at, shifted)
             found = of.ranked(at, solved)
         for _ in range(2):  # what is best with one course may have another, and with that not be best

@@ -105,17 +105,18 @@ def match(
     tighter = replace(random, turns=at_load.solved("units of tighter parts", TIGHTER * lot.values(together)))
     name = f"parts {100 * (1 - TIGHTER):.0f} % more accurate, at random"
     ways.append(at_load.way(name, tighter, "tighter", size=TIGHTER))
-    if any(len(place.turns) > 1 for place in lot.places):
+    turned = any(len(place.turns) > 1 for place in lot.places)
+    if turned:
         alone = at_load.built("units turned", waves.turned(drawn[0]))
         ways.append(at_load.way("turned, not matched", alone, "turning"))
     built, bound = at_load.matched(plain, rng, "matched units")
     ways.append(at_load.way("matched", built, "matching"))
-    if any(len(place.turns) > 1 for place in lot.places):
+    if turned:
         built, bound = at_load.matched(waves, rng, "matched units, turned")
         ways.append(at_load.way("matched and turned", built, "matching", "turning"))
     if lot.rollers:
         built = at_load.placed(waves, built)
-        ways.append(at_load.way("rollers placed as well", built, "matching", "turning", "rollers"))
+        ways.append(at_load.way("rollers placed as well", built, "matching", *["turning"] * turned, "rollers"))
     return _result(at_load, built, ways, bound, waves.doubt)
 
 
