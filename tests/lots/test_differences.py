@@ -410,6 +410,30 @@ def test_a_large_shift_is_told_by_what_it_does_beyond_the_first_order() -> None:
     assert abs(SERIALS.index(found.since) - 60) <= 6
 
 
+def test_the_scatter_that_counts_is_that_of_the_size_which_is_told() -> None:
+    """Fifty units show a third of what cams of 8 errors do along the encoder, 200 all: until then they seem larger."""
+    cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
+    size, bend = error_of(cams, 8), encoder.columns[:, 0] * error_of(encoder, 20)
+    asked = list[float]()
+
+    def beyond(sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
+        own = [(one.label, one.parameters) == (cams.label, cams.parameters) for one in sources]
+        shown = bend if units > 50 else 0.3 * bend
+        found = [at * (given[0] / size) ** 2 * shown for at, given in zip(own, sizes, strict=True)]
+        return np.stack([found, found], axis=1)
+
+    def covariance(one: ShiftSource, sizes: Array) -> Array:
+        assert one.label == cams.label
+        asked.extend(sizes)
+        return alike(one, sizes)
+
+    values, labels = lot(7), {"machine": ("A", "B") * (UNITS // 2)}
+    values[1::2] += cams.columns[:, 0] * size + bend
+    found = group_differences(values, labels, SOME.weight, [cams, encoder], shifted=Shifted(beyond, covariance))
+    assert asked[0] > 1.3 * size
+    assert asked[-1] == pytest.approx(found[0].causes[0].size.value, rel=0.1)
+
+
 def test_a_large_difference_has_the_size_and_error_of_what_the_opposites_show() -> None:
     """Beside what it does to first order, 20 errors of a unit along the encoder whatever the sign, and 10 with it."""
     cams, encoder = of_parts("crank.eccentricity", "radial", disc=0), of_parts("sensor.encoder_eccentricity", "cos")
