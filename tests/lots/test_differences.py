@@ -17,7 +17,7 @@ from rverror.base.arrays import Array
 from rverror.lots import differences
 from rverror.lots.differences import steady, tail_chance
 from rverror.lots.result import Change, Difference, Interval, Shift
-from rverror.lots.shifts import Fits, ShiftedUnits, ShiftEffect, ShiftSource, candidates_of, misfit, surprise
+from rverror.lots.shifts import Fits, ShiftedUnits, ShiftEffect, ShiftSource, candidates_of, explained, misfit, surprise
 
 SOME, D, UNITS = RandomUnits(60, 0.25), 60, 120
 
@@ -32,12 +32,18 @@ def alike(source: ShiftSource, sizes: Array) -> Array:
     return np.asarray(np.linalg.inv(SOME.weight))
 
 
+def known(source: ShiftSource, sizes: Array) -> Array:
+    """An estimate without errors."""
+    return np.empty((0, len(source.columns)))
+
+
 @dataclass(frozen=True)
 class Shifted:
     """Units that do what influences say, and something beyond that."""
 
     beyond: Callable[[Sequence[ShiftSource], Sequence[Array], int], Array] = linear
     covariance: Callable[[ShiftSource, Array], Array] = alike
+    uncertainty: Callable[[ShiftSource, Array], Array] = known
 
     def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
         first = [one.columns @ size for one, size in zip(sources, sizes, strict=True)]
@@ -78,6 +84,68 @@ def machines(seed: int) -> dict[str, tuple[str, ...]]:
         "shift": tuple(rng.choice(["early", "late", ""], UNITS).tolist()),
         "bench": ("only",) * UNITS,
     }
+
+
+def test_what_an_estimate_leaves_unknown_of_a_shift_is_marginal_in_its_size_and_its_beginning() -> None:
+    """Units stacked in one vector, with the covariance of all of them: the same deviance of every size and course."""
+    rng, d, units = np.random.default_rng(3), 5, 14
+    own = np.linalg.inv(np.cov(rng.standard_normal((d, 40))))
+    unknown = 0.4 * rng.standard_normal((3, d))
+    one = ShiftSource(
+        "cycloid.disc_pitch", {"disc": 0, "harmonic": 1}, ("cos",), "length", rng.normal(size=(d, 1)) / UM
+    )
+    courses = np.array([differences.course("ramp", at, units, units) for at in (3, 6, 9)])
+    values = np.outer(2.0 * courses[1], one.columns[:, 0] * UM) + rng.standard_normal((units, d))
+    shifted = Shifted(lambda some, *_: np.zeros((len(some), 2, d)), lambda *_: np.linalg.inv(own), lambda *_: unknown)
+    found = explained(Fits.of([one], own), courses, values, own, shifted)
+
+    def squares(course: Array, times: float) -> float:
+        share = course - course.mean()
+        left = (values - np.outer(share, times * one.columns @ found.effect.sizes)).ravel()
+        whole = np.kron(np.eye(units), np.linalg.inv(own)) + np.kron(np.outer(share, share), unknown.T @ unknown)
+        noise = np.kron(np.eye(units), np.linalg.inv(own))
+        return float(left @ np.linalg.solve(whole, left) - values.ravel() @ np.linalg.solve(noise, values.ravel()))
+
+    at = [0, 900, 1600, 2400]  # of 2401 multiples of the size, from -3 to 3
+    told = np.array([[squares(course, times) for times in np.linspace(-3, 3, 2401)[at]] for course in courses])
+    np.testing.assert_allclose(found.deviance[:, at] - found.deviance[0, 0], told - told[0, 0], rtol=1e-9, atol=1e-9)
+    share = courses[found.course] - courses[found.course].mean()
+    whole = np.linalg.inv(own) / (share @ share) + unknown.T @ unknown
+    expected = 1 / float(one.columns[:, 0] @ np.linalg.solve(whole, one.columns[:, 0]))
+    assert found.covariance[0, 0] / (share @ share) + found.estimate_errors[0] ** 2 == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_group_is_no_better_known_than_what_its_shift_does() -> None:
+    """A shift that may do a tenth more or less is known to a tenth, however many units have it."""
+    cam = of_parts("crank.eccentricity", "radial", crank=0, disc=0)
+    size, rng = error_of(cam, 8.0), np.random.default_rng(4)
+    labels = {"machine": tuple(rng.choice(["A", "B"], UNITS).tolist())}
+    values = lot(5) + np.outer([value == "B" for value in labels["machine"]], size * cam.columns[:, 0])
+    widths = []
+    for share in (0.0, 0.1):
+        shifted = Shifted(uncertainty=lambda one, sizes, share=share: share * (one.columns @ sizes)[None])
+        (found,) = group_differences(values, labels, SOME.weight, [cam], shifted=shifted)
+        widths.append((found.causes[0].size.high - found.causes[0].size.low) / 2)
+        assert size in found.causes[0].size
+    assert math.sqrt(widths[1] ** 2 - widths[0] ** 2) == pytest.approx(1.96 * 0.1 * size, rel=0.05)
+
+
+def test_noise_in_what_a_shift_does_hardly_takes_from_its_size() -> None:
+    """As much as in a disc's pitch at 20 N m, nine times its chi-square over the units solved: of 200 it takes 4 %."""
+    cam = of_parts("crank.eccentricity", "radial", crank=0, disc=0)
+    size, root, ratios = error_of(cam, 60.0), np.linalg.cholesky(np.linalg.inv(SOME.weight)), []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        own = root @ np.random.default_rng(100 + seed).standard_normal(D) * 60.0 * math.sqrt(9 / D) / size
+
+        def noise(some: Sequence[ShiftSource], sizes: Sequence[Array], units: int, own: Array = own) -> Array:
+            return np.array([np.outer([1.0, -1.0], one * own / math.sqrt(units)) for one in sizes])
+
+        share = rng.integers(0, 2, UNITS).astype(np.float64)
+        values = lot(seed) + np.outer(size * share, cam.columns[:, 0])
+        found = explained(Fits.of([cam], SOME.weight), share[None], values, SOME.weight, Shifted(noise))
+        ratios.append(found.effect.sizes[0] / size)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.033)
 
 
 def test_parts_move_alike_that_share_an_index() -> None:

@@ -114,6 +114,7 @@ class Solved:
     simulator: Simulator
     state: State
     standard: Array
+    errors: float = 0.0  # relative, of the estimate's deviations
 
     @cached_property
     def influence(self) -> Array:
@@ -125,6 +126,15 @@ class Solved:
 
     def covariance(self, source: ShiftSource, sizes: Array) -> Array:
         return self.of(self.shift(source, sizes))
+
+    def uncertainty(self, source: ShiftSource, sizes: Array) -> Array:
+        """Of deviations that are off alike, in either direction."""
+        if not self.errors:
+            return np.empty((0, len(self.influence)))
+        ends = [replace(self.state, deviation=(1 + off) * self.state.deviation) for off in (self.errors, -self.errors)]
+        shift = self.shift(source, sizes)
+        more, less = (self.simulator.mean_change(state, self.standard[:100], shift) for state in ends)
+        return np.array([more - less]) / 2
 
     def of(self, shift: Array | float = 0.0) -> Array:
         values = self.simulator.values(
@@ -147,6 +157,9 @@ class Linear:
 
     def covariance(self, *_: object) -> Array:
         return self.known
+
+    def uncertainty(self, *_: object) -> Array:
+        return np.empty((0, len(self.known)))
 
 
 @pytest.mark.parametrize("torque", ["60 N*m", "200 N*m"])

@@ -122,7 +122,8 @@ def group_differences(
         cause = explained(fits, share[None, some], left[some], weight, shifted)
         left -= cause.effect.of(share)
         errors, times = _difference_error(left @ cause.sizing, group)
-        sizes, far = cause.effect.sizes, times * errors * math.sqrt(cause.misfit)
+        sizes = cause.effect.sizes
+        far = np.hypot(times * errors * math.sqrt(cause.misfit), 1.96 * cause.estimate_errors)
         causes = cause.source.shifts(sizes, sizes - far, sizes + far)
         told = Difference(group.label, group.value, int(group.inside.sum()), chance, causes, cause.rivals)
         found.append((told, cause.effect))

@@ -53,6 +53,9 @@ _UNMARKED = (
     "zeros are not on the marks (index: unknown): systematic errors are part of the standard deviations, and groups "
     "and changes are not searched"
 )
+# states within the errors, and units of each, that tell how far what a shift does is off: its standard deviation is
+# then known to a fifth
+_UNCERTAIN = (12, 60)
 _PRECISE = 0.25  # share of a standard deviation within which its interval settles the matter
 
 
@@ -222,6 +225,15 @@ class _ShiftedUnits:
             parts = self.matching.simulator.parts
             return self.matching.covariance_with(self.estimate.state, _shift(parts, source, sizes))
         return np.asarray(np.linalg.inv(self.estimate.weight))
+
+    def uncertainty(self, source: ShiftSource, sizes: Array) -> Array:
+        """What the estimate's errors do to the mean change by a shift, as rows R with the covariance R'R, (k, d)."""
+        simulator, rng = self.matching.simulator, np.random.default_rng(self.seed + 4)
+        standard = rng.standard_normal((_UNCERTAIN[1], len(simulator.parts.process)))
+        shift = _shift(simulator.parts, source, sizes)
+        states = [self.estimate.state, *self.estimate.states_within(_UNCERTAIN[0], rng)]
+        own, *others = (simulator.mean_change(state, standard, shift) for state in states)
+        return (np.array(others) - own) / math.sqrt(len(others))
 
 
 def _shift(parts: UnitParts, source: ShiftSource, sizes: Array) -> Array:
@@ -469,12 +481,9 @@ _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantil
 def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:
     """Amplitudes of the drawn units in states that the lot does not tell from the estimate, by their own changes."""
     draws, state = estimate.draws, estimate.state
-    size, count = np.sqrt(np.diag(estimate.covariance)), len(state.deviation)
-    alike = estimate.covariance / np.outer(size, size)  # hardly positive where the lot leaves a sum of processes alone
-    for change in size * rng.multivariate_normal(np.zeros(len(size)), alike, _SETS, check_valid="ignore"):
-        deviation = np.sqrt(np.maximum(state.deviation**2 + change[:count], 0.0)) - state.deviation
+    for other in estimate.states_within(_SETS, rng):
         yield (
             draws.values
-            + np.tensordot(deviation, draws.by_process, (0, 1))
-            + np.tensordot(change[count:], draws.by_compliance, (0, 1))
+            + np.tensordot(other.deviation - state.deviation, draws.by_process, (0, 1))
+            + np.tensordot(other.compliance - state.compliance, draws.by_compliance, (0, 1))
         )

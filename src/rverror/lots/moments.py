@@ -117,6 +117,14 @@ class LotEstimate:
         """Whether chance makes so large a chi-square less often than in one lot of 20."""
         return self.chi_square > chi_square(_DOUBTED, self.freedom)
 
+    def states_within(self, count: int, rng: np.random.Generator) -> list[State]:
+        """States that the lot does not tell from the estimate: so many, drawn from its errors."""
+        size, processes = np.sqrt(np.diag(self.covariance)), len(self.state.deviation)
+        alike = self.covariance / np.outer(size, size)  # hardly positive where the lot leaves a sum of processes alone
+        changes = size * rng.multivariate_normal(np.zeros(len(size)), alike, count, check_valid="ignore")
+        variances = np.maximum(self.state.deviation**2 + changes[:, :processes], 0.0)
+        return list(map(State, np.sqrt(variances), self.state.compliance + changes[:, processes:]))
+
     def means(self, rows: Array, simulator: Simulator, mean: Array, units: int) -> tuple[Array, Array]:
         """Systematic errors that a lot's mean shows beside what is drawn, and their standard errors.
 

@@ -31,6 +31,8 @@ RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
 # units in which candidates are solved, and how many of them, the likeliest; the last ones at half their size too, which
 # asks for more units; and anew where the size has changed by so much since
 _SOLVED, _CHANGED = ((8, None), (50, 16), (200, 4), (200, 4)), 0.1
+# units in which the one that is told is sized: noise in what a shift does, a regressor, took 5 % off sizes with 200
+_SIZED = 400
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
 _ORDERS = np.arange(1, 5)  # powers of a share that solved shares tell: its own, half of it, and their opposites
 _TIMES = np.linspace(-3.0, 3.0, 2401)  # of the size at which a source was solved: a lot shows no shift to 1/400
@@ -188,6 +190,9 @@ class ShiftedUnits(Protocol):
     def covariance(self, source: ShiftSource, sizes: Array) -> Array:
         """Covariance of the amplitudes of a unit with a shift, shape (d, d)."""
 
+    def uncertainty(self, source: ShiftSource, sizes: Array) -> Array:
+        """What the estimate's errors do to the mean change by a shift, as rows R with the covariance R'R, (k, d)."""
+
 
 @dataclass(frozen=True)
 class Fits:
@@ -328,6 +333,7 @@ class Cause(NamedTuple):
     course: int  # its number
     sizing: Array  # (d, parameters): small changes of amplitudes times it are those of the sizes
     covariance: Array  # (parameters, parameters): of the sizes of one unit, were units as their covariance says
+    estimate_errors: Array  # (parameters,): standard errors of the sizes by the errors of the estimate
     misfit: float
     rivals: tuple[str, ...]
     deviance: Array  # (courses, times): of each course and multiple of the effect, were units as their covariance says
@@ -363,19 +369,29 @@ class _Courses:
     values : ndarray, shape (units, d)
     shares : ndarray, shape (4, courses, units)
         Powers of each unit's share, about their means.
+    unknown : ndarray, shape (k, d)
+        Independent changes, each with a standard deviation of one, that the estimate's errors make of the shift's.
     """
 
     fits: Fits
     weight: Array
     values: Array
     shares: Array
+    unknown: Array
 
     def chi_squares(self, effect: ShiftEffect) -> Array:
-        """Of multiples of an effect with each course, shape (courses, times)."""
-        pressed = self.weight @ effect.powers.T
+        """Of multiples of an effect with each course, whatever is unknown of it, shape (courses, times)."""
+        pressed, lines = self.weight @ effect.powers.T, self.weight @ self.unknown.T
         along = np.einsum("pcu,up->cp", self.shares, self.values @ pressed)
-        own = np.einsum("pcu,qcu->cpq", self.shares, self.shares) * (effect.powers @ pressed)
-        return np.asarray(2 * along @ _POWERS - np.einsum("cpt,pt->ct", own @ _POWERS, _POWERS))
+        gram = np.einsum("pcu,qcu->cpq", self.shares, self.shares)
+        own = gram * (effect.powers @ pressed)
+        seen = self.shares[0] @ (self.values @ lines)
+        shared = gram[:, 0, :, None] * (effect.powers @ lines)
+        known = np.linalg.inv(np.eye(len(self.unknown)) + gram[:, 0, :1, None] * (self.unknown @ lines))
+        along -= np.einsum("cpi,cij,cj->cp", shared, known, seen)
+        own -= np.einsum("cpi,cij,cqj->cpq", shared, known, shared)
+        alone = np.einsum("ci,cij,cj->c", seen, known, seen)
+        return np.asarray(alone[:, None] + 2 * along @ _POWERS - np.einsum("cpt,pt->ct", own @ _POWERS, _POWERS))
 
     def scattered(self, course: int, shifted: Array) -> _Courses:
         """The same by the covariance that the contrast of a course has: its units', between those with and without."""
@@ -383,6 +399,12 @@ class _Courses:
         part = float(share**2 @ (share - share.min())) / float(share @ share) / float(np.ptp(share))
         covariance = (1 - part) * np.linalg.inv(self.weight) + part * shifted
         return replace(self, weight=np.asarray(np.linalg.inv(covariance)))
+
+    def whole_weight(self, course: int) -> Array:
+        """Inverse covariance of a course's contrast, what is unknown included, shape (d, d)."""
+        share, lines = self.shares[0, course], self.weight @ self.unknown.T
+        known = np.eye(len(self.unknown)) / float(share @ share) + self.unknown @ lines
+        return np.asarray(self.weight - lines @ np.linalg.solve(known, lines.T))
 
     def ranked(self, course: int, solved: Mapping[int, ShiftEffect]) -> _Ranking:
         """Candidates with one course, to first order where they were not solved."""
@@ -399,10 +421,15 @@ class _Courses:
             chi[number], effects[number] = of_times.max(), effect.times(_TIMES[of_times.argmax()])
         sizes = [one.sizes for one in effects]
         first = fits.best(fits.likely(chi, sizes))
-        left = contrast - self.shares[:, course] @ share / size @ effects[first].powers
-        beyond = misfit(left @ np.linalg.cholesky(self.weight), int(fits.freedom[first]))
+        beyond = self.misfit(course, effects[first], int(fits.freedom[first]))
         likely = fits.likely(chi, sizes, beyond)
         return _Ranking(effects, likely, fits.best(likely, beyond), beyond)
+
+    def misfit(self, course: int, effect: ShiftEffect, freedom: int) -> float:
+        """What an effect leaves of the contrast of a course, as `misfit` has it."""
+        share = self.shares[0, course]
+        left = share @ self.values - self.shares[:, course] @ share @ effect.powers
+        return misfit(left / np.linalg.norm(share) @ np.linalg.cholesky(self.whole_weight(course)), freedom)
 
 
 def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: ShiftedUnits, at: int = 0) -> Cause:
@@ -430,7 +457,8 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
     Cause
     """
     shares = np.array([courses**power - np.mean(courses**power, axis=1, keepdims=True) for power in _ORDERS])
-    of, solved, counts = _Courses(fits, weight, values, shares), dict[int, ShiftEffect](), dict[int, int]()
+    of = _Courses(fits, weight, values, shares, np.empty((0, len(weight))))
+    solved, counts = dict[int, ShiftEffect](), dict[int, int]()
     unshifted, found = of, of.ranked(at, solved)
     scattered: tuple[int, Array] | None = None  # the candidate, and its sizes, whose scatter is known
     for count, most in _SOLVED:
@@ -454,14 +482,23 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
         for _ in range(2):  # what is best with one course may have another, and with that not be best
             at = int(np.argmax(of.chi_squares(found.effects[found.best]).max(axis=1)))
             found = of.ranked(at, solved)
-    one, effect = fits.candidates[found.best], found.effects[found.best]
+    one, rivals = fits.candidates[found.best], fits.rivals(found.likely, found.best, found.misfit)
+    size = _bounded(found.effects[found.best].sizes, one)
+    (effect,), of = (
+        _solved([one], [size], units, _SIZED, halves=True),
+        replace(of, unknown=units.uncertainty(one, size)),
+    )
+    chi = of.chi_squares(effect)
+    at, times = (int(place) for place in np.unravel_index(chi.argmax(), chi.shape))
+    effect = effect.times(_TIMES[times])
     slope = (2 - _ORDERS % 2) @ effect.powers  # of a line and a square: with higher powers it has their noise thrice
     columns = one.columns + np.outer(slope - one.columns @ effect.sizes, effect.sizes) / (effect.sizes @ effect.sizes)
-    covariance = np.asarray(np.linalg.inv(columns.T @ of.weight @ columns))
-    sizing = of.weight @ columns @ covariance
-    deviance = -of.chi_squares(effect)
-    rivals = fits.rivals(found.likely, found.best, found.misfit)
-    return Cause(one, effect, at, sizing, covariance, found.misfit, rivals, deviance - deviance.min())
+    pressed = of.whole_weight(at) @ columns
+    sizing = np.asarray(np.linalg.solve(columns.T @ pressed, pressed.T).T)
+    covariance = sizing.T @ np.linalg.solve(of.weight, sizing)
+    errors = np.asarray(np.linalg.norm(of.unknown @ sizing, axis=0))
+    beyond, deviance = of.misfit(at, effect, len(one.parameters)), -of.chi_squares(effect)
+    return Cause(one, effect, at, sizing, covariance, errors, beyond, rivals, deviance - deviance.min())
 
 
 def _solved(

@@ -248,6 +248,18 @@ class Simulator:
         alike = np.sum(changes * linear, axis=(0, -1)) / np.maximum(np.sum(linear**2, axis=(0, -1)), 1e-300)
         return np.asarray(expected + means[0] - alike[..., None] * means[1])
 
+    def mean_change(self, state: State, standard: Array, shift: Array) -> Array:
+        """What a shift of the parts changes of units' whitened amplitudes, in the mean of those that have an
+        equilibrium, shape (d,)."""
+        turns = self._loaded(state.compliance)
+
+        def solve(errors: Array) -> Array:
+            moved = np.maximum(errors + shift, self.parts.least)
+            return self._waves(turns, [moved]) - self._waves(turns, [errors])
+
+        waves = np.mean(each_solved(solve, list(self.errors(state, standard))), axis=0)
+        return np.asarray(self.amplitudes.of_waves(waves).ravel() * self.scale)
+
     @staticmethod
     def _waves(turns: Sequence[LoadedTurn], units: Iterable[Array]) -> Array:
         """Errors over a turn of units under each condition, rad, shape (units * conditions, n)."""
