@@ -123,7 +123,7 @@ def test_commands_of_the_start_page_run(tmp_path, monkeypatch, capsys):
         assert program == "rverror"
         assert main(arguments) == 0
     printed = capsys.readouterr().out
-    shown = page.partition("here shortened:\n\n```text\n")[2].partition("```")[0]
+    (shown,) = re.findall(r"here shortened[^:]*:\n\n```text\n(.*?)```", page, flags=re.DOTALL)
     for line in shown.splitlines():
         # times and the last digits may differ from machine to machine
         words, all_words = (" ".join(re.sub(r"[-\d.,\[\]]+", "#", some).split()) for some in (line, printed))

@@ -48,7 +48,8 @@ from rverror.views.report import to_text
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
             '"20 N*m"',
-            "output torque of the table (default: the runs' median); json has all measured and all given",
+            "output torque of the table (default: the runs' median); a json table holds all "
+            "measured torques and all given here",
             size="torque",
             action="append",
         ),

@@ -58,7 +58,7 @@ def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks in measured runs.
 
     Compares measured runs with a model and names the errors of parts and bench that the model lacks: their sizes with
-    95 % intervals, the causes that the runs cannot rule out in their place, and what is left of the error.
+    95 % intervals, other causes that the runs cannot rule out, and what is left of the error.
     """
     model = load_model(options.model)
     runs, unseen = read_runs(options, model)

@@ -50,8 +50,8 @@ def _speeds(options: argparse.Namespace) -> None:
     """Output error against input speed, by order, and critical speeds.
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
-    frequency. Orders are per output turn and reach half the angles computed per turn (order 2048 for an RV-40E). Higher
-    ones alias: 3120, 4680 and 6240 of its cycloid mesh appear at 976, 584 and 1952.
+    frequency. Orders are per output turn, up to half the number of angles computed per turn (2048 for an RV-40E).
+    Higher orders alias: its cycloid mesh orders 3120, 4680 and 6240 appear at 976, 584 and 1952.
     """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)

@@ -54,7 +54,9 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of all units", reads=True, required=True),
-        "--tolerances": option("TOL.toml", "the drawing's tolerances: only processes in it, with Cp, Cpk", reads=True),
+        "--tolerances": option(
+            "TOL.toml", "drawing tolerances: evaluate only the processes in this file, with Cp and Cpk", reads=True
+        ),
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
@@ -74,7 +76,8 @@ def _lot(options: argparse.Namespace) -> None:
     """Scatter of each manufacturing process, or orders common to many drives, from measured units.
 
     Estimates the scatter and the systematic error of each manufacturing process from the runs of many finished units,
-    and names outliers: units whose errors do not fit that scatter. For drives it finds the orders that all share.
+    and names outliers: units whose errors do not fit that scatter. For [drive] models it finds the orders common
+    to all units.
     """
     if options.compress is not None and len(options.outputs) > 1:
         raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")

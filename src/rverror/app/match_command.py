@@ -40,7 +40,7 @@ from rverror.views.report import to_csv
         "--turns": flag("discs may be assembled turned by one or more crank spacings, and a sun at any tooth"),
         "--cost": option(
             "matching=2.5",
-            f"cost per unit of a way to assemble ({', '.join(WAYS)}: docs/theory/matching.md); repeat it for more",
+            f"a way to assemble ({', '.join(WAYS)}: docs/theory/matching.md) and its cost per unit; repeat it for more",
             action="append",
             default=[],
         ),

@@ -118,8 +118,8 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 
-    Lists all error sources that rverror knows: key, parameters, the part that it turns with ("fixed in"), and its
-    RV-40E leading order.
+    Lists all error sources that rverror knows: key, parameters, the part that each turns with ("fixed in"), and
+    its leading orders in an RV-40E.
     """
     rows = [_source_json(entry) for entry in CATALOGUE.values()]
     if options.json:

@@ -69,7 +69,9 @@ def _reference_cases(options: argparse.Namespace) -> None:
             least=0,
         ),
         **MAPPING,
-        "--bench": option("MODEL.toml", "if THEIR.csv was measured: model with its [bench.encoders]", reads=True),
+        "--bench": option(
+            "MODEL.toml", "if THEIR.csv was measured: model file with [bench.encoders] of that bench", reads=True
+        ),
         **results(),
     },
 )

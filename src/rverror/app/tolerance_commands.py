@@ -47,7 +47,10 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
-    torques = f"output torques of units under load (if other options ask for them: rated torque and 20 N*m){beside}"
+    torques = (
+        "output torques for the transmission error of units under load (default with --limit: rated torque and "
+        f"20 N*m){beside}"
+    )
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
         "--lost-motion": _limit("lost_motion", "60 arcsec", "limit of the lost motion at 3 %% of the rated torque"),
@@ -61,7 +64,7 @@ def _limit(quantity: str, example: str, what: str) -> Option:
 
 
 _LIMITS = {
-    **limit_options("; with --speed one torque, the load at that speed"),
+    **limit_options("; with --arm no default; with --speed a single torque"),
     "--stiffness": _limit(
         "stiffness",
         "100 N*m/arcmin",
@@ -131,13 +134,13 @@ def _budget(options: argparse.Namespace) -> None:
 @command(
     example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
     options={
-        **_inputs(plot="cost of each tolerance; in closed form, least cost against the limit"),
+        **_inputs(plot="cost of each tolerance; for --kind yield or worst, least cost against the limit"),
         **_LIMITS,
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what meets the limit, by kind: load, units under load (default); yield, the closed-form quantile of "
-            "the peak-to-peak (default of a drive and with --speed); worst, the closed-form worst case",
+            "what must meet the limit: load, units under load (default); yield, the closed-form quantile of the "
+            "peak-to-peak (default for a [drive] model and with --speed); worst, the closed-form worst case",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),

@@ -41,7 +41,7 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation in all, shared by the phases", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient of {', '.join(BODIES)} alike, or one: 'pin=2e-10 mm^3/(N*m)'; or the "
+            f"Archard's wear coefficient, the same for {', '.join(BODIES)}, or for one: 'pin=2e-10 mm^3/(N*m)'; or the "
             f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per unit load and crank turn (default 0): "
             "'spline=1e-8 um/kN'. Repeat it for more",
             action="append",
@@ -49,8 +49,8 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         ),
         "--running-in": option(
             '"0.5 um, 1e-8 mm^3/(N*m)"',
-            "running in: depth of roughness that wears off, and what it adds to the wear coefficient; of all bodies or "
-            "of one as 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
+            "running in: depth of roughness that wears off, and by how much the wear coefficient is higher at first; "
+            "for all bodies or for one: 'pin=0.5 um, 1e-8 mm^3/(N*m)'. Repeat it for more",
             action="append",
             default=[],
         ),
