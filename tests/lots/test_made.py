@@ -25,7 +25,7 @@ from rverror.lots.moments import LotEstimate, MomentMatching, interval
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import UnitParts, processes_of
 from rverror.lots.result import Change, Interval, Lot, Outsider, Shift
-from rverror.lots.shifts import ShiftEffect
+from rverror.lots.shifts import ShiftedUnits, ShiftEffect, ShiftSource
 from rverror.lots.simulated import Simulator, State
 from rverror.model.effects import Effect, Model
 from rverror.statics.loaded_state import SOFTENING, NotConvergedError
@@ -497,6 +497,39 @@ def test_an_estimate_is_not_renewed_for_a_unit_that_changes_sides(monkeypatch: p
     assert found.units == 33  # from which the processes are told
 
 
+def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_differ(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However many states are drawn.  A cam closes gaps that depend on all parts, an encoder's error is only itself."""
+    seen = list[ShiftedUnits]()
+
+    def changes_over_serial(*_: object, shifted: ShiftedUnits, **__: object) -> None:
+        seen.append(shifted)
+        raise InputError("no more is needed")
+
+    monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
+    with pytest.raises(InputError, match="no more"):
+        lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
+    unknown = []
+    for count in (1, 4):
+
+        def states_within(one: LotEstimate, _: int, __: object, count: int = count) -> list[State]:
+            return count * [replace(one.state, deviation=1.5 * one.state.deviation)]
+
+        monkeypatch.setattr(LotEstimate, "states_within", states_within)
+        for key, indices, parameter, size in (
+            ("crank.eccentricity", {"disc": 0, "crank": 1}, "radial", 0.02),
+            ("sensor.encoder_eccentricity", {}, "cos", 10 * ARCSEC),
+        ):
+            one = ShiftSource(key, indices, (parameter,), "length", np.empty((0, 1)))
+            rows = seen[-1].uncertainty(one, np.array([size]))
+            assert len(rows) == count
+            unknown.append(rows.T @ rows)
+    assert np.trace(unknown[0]) > 1e-2
+    np.testing.assert_allclose(unknown[2], unknown[0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(unknown[1::2], 0.0, atol=1e-12)
+
+
 def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """What influences of many units say where it is small; a large one what the equilibrium of each unit says."""
     some = simulator()
@@ -514,6 +547,9 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
         expected = np.mean(moved, axis=0) - solved.values.mean(axis=0)
         np.testing.assert_allclose(effect, expected, atol=1e-5 * np.abs(expected).max())
         assert np.abs(expected - sign * solved.influence @ large).max() > 0.01 * np.abs(expected).max()
+        np.testing.assert_allclose(
+            some.mean_change(state, standard, sign * large), expected, atol=1e-5 * np.abs(expected).max()
+        )
     for sign, effect in zip((1.0, -1.0), found[0], strict=True):
         np.testing.assert_allclose(effect, sign * many @ small, atol=1e-3 * np.abs(many @ small).max())
     state_of = LoadedTurn.state

@@ -114,7 +114,6 @@ class Solved:
     simulator: Simulator
     state: State
     standard: Array
-    errors: float = 0.0  # relative, of the estimate's deviations
 
     @cached_property
     def influence(self) -> Array:
@@ -127,14 +126,8 @@ class Solved:
     def covariance(self, source: ShiftSource, sizes: Array) -> Array:
         return self.of(self.shift(source, sizes))
 
-    def uncertainty(self, source: ShiftSource, sizes: Array) -> Array:
-        """Of deviations that are off alike, in either direction."""
-        if not self.errors:
-            return np.empty((0, len(self.influence)))
-        ends = [replace(self.state, deviation=(1 + off) * self.state.deviation) for off in (self.errors, -self.errors)]
-        shift = self.shift(source, sizes)
-        more, less = (self.simulator.mean_change(state, self.standard[:100], shift) for state in ends)
-        return np.array([more - less]) / 2
+    def uncertainty(self, *_: object) -> Array:
+        return np.empty((0, len(self.influence)))
 
     def of(self, shift: Array | float = 0.0) -> Array:
         values = self.simulator.values(
@@ -293,6 +286,23 @@ def test_an_interval_holds_what_a_state_as_likely_has(question: Question) -> Non
     both = replace(one, others=(other,))
     assert both.interval(pins) == (0.0, one.interval(pins)[1])
     assert both.interval(pitch) == (0.0, other.interval(pitch)[1])
+
+
+def test_states_within_the_errors_are_those_that_the_covariance_has() -> None:
+    """Of variances, none of which is negative, and of logarithms of compliances, which go together."""
+    rng = np.random.default_rng(8)
+    root = (
+        rng.standard_normal((2 + COMPLIANCES, 2 + COMPLIANCES)) * np.r_[1e-7, 1e-6, np.full(COMPLIANCES, 0.1)][:, None]
+    )
+    state = State(np.array([3e-3, 1e-6]), np.linspace(-0.2, 0.2, COMPLIANCES))
+    blank: Any = dict.fromkeys(("draws", "influence", "weight"))  # not asked for
+    found = LotEstimate(state, root @ root.T, 1.0, 1, **blank).states_within(4000, rng)
+    rows = np.array([[one.deviation[0] ** 2, *one.compliance] for one in found])
+    known = np.delete(np.delete(root @ root.T, 1, 0), 1, 1)
+    size = np.sqrt(np.diag(known))
+    np.testing.assert_allclose((rows.mean(axis=0) - [9e-6, *state.compliance]) / size, 0.0, atol=4 / 4000**0.5)
+    np.testing.assert_allclose(np.cov(rows.T) / np.outer(size, size), known / np.outer(size, size), atol=0.1)
+    assert np.mean([one.deviation[1] == 0 for one in found]) == pytest.approx(0.5, abs=0.05)
 
 
 def test_what_another_fit_has_more_of_is_told_where_it_is_none_here() -> None:
