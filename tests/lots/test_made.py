@@ -507,6 +507,12 @@ def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_d
         seen.append(shifted)
         raise InputError("no more is needed")
 
+    def estimate(matching: MomentMatching, state: State, **_: object) -> LotEstimate:
+        draws = matching.simulator.draws(state, matching.standard[:10])
+        known, weight = np.eye(len(state.deviation) + len(state.compliance)), np.eye(draws.values.shape[1])
+        return LotEstimate(state, 1e-12 * known, 1.0, 1, draws, draws.influence, weight)
+
+    monkeypatch.setattr(MomentMatching, "estimate", estimate)
     monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
     with pytest.raises(InputError, match="no more"):
         lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
