@@ -51,7 +51,7 @@ def _speeds(options: argparse.Namespace) -> None:
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
     frequency. Orders are per output turn, up to half the number of angles computed per turn (2048 for an RV-40E).
-    Higher orders alias: its cycloid mesh orders 3120, 4680 and 6240 appear at 976, 584 and 1952.
+    Higher orders alias: multiples 3120, 4680 and 6240 of an RV-40E's cycloid mesh order appear at 976, 584 and 1952.
     """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)

@@ -104,8 +104,8 @@ def _budget(options: argparse.Namespace) -> None:
     """Distribution of the error that tolerances cause, and yield.
 
     Computes the output error that part tolerances cause: the contribution of each and, in closed form, the peak-to-peak
-    of many virtual units. With --at, --arm, --lost-motion, --backlash or --stiffness it also computes units under load,
-    and how many stay within the limits.
+    of many virtual units. With --at, --arm, --lost-motion, --backlash or --stiffness, but not with --limit alone, it
+    also computes units under load, and how many stay within the limits.
     """
     model, tolerances = _read(options)
     if options.speed is not None:
