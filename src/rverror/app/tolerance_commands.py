@@ -48,8 +48,8 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = (
-        "output torques for the transmission error of units under load (if these are computed, default with --limit: "
-        f"rated torque and 20 N*m){beside}"
+        "output torques for the transmission error of units under load (default if such units are computed and --limit "
+        f"is given: rated torque and 20 N*m){beside}"
     )
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
