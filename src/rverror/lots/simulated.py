@@ -119,7 +119,7 @@ class Simulator:
         Pins follow the profiles: without that order 77 of an RV-40E with pins of 3 um is 0.2 arcsec off.
         """
         model = replace(self.model, mechanism=curved(self.model.mechanism))
-        every, angles = self.parts.placed, min(_ANGLES, self.amplitudes.samples)
+        every, angles = self.parts.effects, min(_ANGLES, self.amplitudes.samples)
         return [
             LoadedTurn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
             for c in self.amplitudes.conditions
