@@ -151,22 +151,13 @@ def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | Non
         found = [p for one in tolerances for p in _by_harmonic(one.key, one.instances(unit), one.chosen, one)]
         _check_once(found)
         return tuple(found)
-    return tuple(
-        process
-        for entry in CATALOGUE.values()
-        if entry.applies_to(unit) and entry.is_cause and not entry.lacks(unit, run)
-        for process in _of_source(entry, unit)
-    )
-
-
-def _of_source(entry: Source, unit: Reducer) -> list[Process]:
-    """Processes of a source, where its size is random from part to part."""
-    varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
-    if not (entry.in_lots and entry.tried and entry.periodic and varied):
-        return []
-    harmonics = range(1, _HARMONICS + 1)
-    every = processes_of_source(entry, unit, varied)
-    return [one for one in every if one.indices.get("harmonic", 1) in harmonics]
+    found = []
+    for entry in CATALOGUE.values():
+        varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
+        random = entry.in_lots and entry.tried and entry.periodic and varied  # from part to part
+        if random and entry.applies_to(unit) and not entry.lacks(unit, run):
+            found += processes_of_source(entry, unit, varied)
+    return tuple(one for one in found if one.indices.get("harmonic", 1) in range(1, _HARMONICS + 1))
 
 
 def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Parameter, ...]) -> list[Process]:
