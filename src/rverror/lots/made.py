@@ -334,7 +334,7 @@ def _outsiders(
     """
     rng, marked = np.random.default_rng(seed + 1), simulator.amplitudes.marked
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
-    members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    members = simulator.amplitudes.about_mean(drawn) + rng.standard_normal(drawn.shape)
     units, serials = values[some], tuple(compress(simulator.amplitudes.serials, some))
     units = units - marked * np.median(units, axis=0)
     weight, influence, parts = estimate.weight, estimate.influence, simulator.parts
