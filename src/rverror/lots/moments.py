@@ -431,15 +431,12 @@ class MomentMatching:
         amplitudes = self.simulator.amplitudes
         noisy = amplitudes.about_mean(units) + np.random.default_rng(1).standard_normal(units.shape)
         spread = np.cov(np.array([np.einsum("ud,ud->u", noisy @ form, noisy) for form in forms]))
-        count, drawn = len(forms), 1 / len(draws.values)
         shifted = draws.influence * self.simulator.parts.plausible
         whole = draws.mean_covariance(self.sample.units) + shifted @ shifted.T
         of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * amplitudes.marked]
-        inverse = np.zeros((count + len(of_mean), count + len(of_mean)))
-        too_large = (len(units) - 1) / max(len(units) - count - 2, 1)
-        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn) * too_large)
-        inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
-        return _Weights(forms, of_mean, inverse)
+        too_large = (len(units) - 1) / max(len(units) - len(forms) - 2, 1)
+        of_forms = _inverse(spread * (1 / (self.sample.units - 1) + 1 / len(draws.values)) * too_large)
+        return _Weights(forms, of_mean, scipy.linalg.block_diag(of_forms, _inverse(of_mean @ whole @ of_mean.T)))
 
     def _distance(self, draws: Draws, state: State, weights: _Weights) -> _Distance:
         """Statistics of the sample less those of the drawn units, and how these change with the state."""
