@@ -64,7 +64,7 @@ class _Cleaned:
     """What was told of single units and groups, and the amplitudes without it."""
 
     values: Array
-    members: npt.NDArray[np.bool_]
+    members: npt.NDArray[np.bool_]  #: without suspects
     kept: npt.NDArray[np.bool_]  #: those that the processes are told from
     suspects: tuple[str, ...] = ()  #: members that are left out as they are far from the others
     outsiders: tuple[Outsider, ...] = ()
@@ -170,7 +170,7 @@ def lot(
 
 
 def _notes(amplitudes: Amplitudes, cleaned: _Cleaned, estimate: LotEstimate, simulator: Simulator) -> tuple[str, ...]:
-    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum()) - len(cleaned.suspects)
+    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
     notes = list(amplitudes.notes)
     if cleaned.suspects:
         notes.append(f"far from the other units, and left out of the estimate: {', '.join(cleaned.suspects)}")
@@ -262,7 +262,7 @@ def _clean(
     simulator = matching.simulator
     amplitudes, parts, weight = simulator.amplitudes, simulator.parts, estimate.weight
     candidates = candidates_of(estimate.influence, parts) if amplitudes.marked else ()
-    places = np.flatnonzero(before.members & ~np.isin(amplitudes.serials, before.suspects))
+    places = np.flatnonzero(before.members)
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
@@ -298,14 +298,15 @@ def _clean(
     def cleaned(gross: tuple[Outsider, ...]) -> _Cleaned:
         told, most = {one.serial: one for one in (*odd, *gross)}, _SPOILT * len(values)
         some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= most else ()
-        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
         far = sorted({one.serial for one in suspects} - told.keys())
         far = far if len(told) + len(far) <= most else []
-        near = members & ~np.isin(amplitudes.serials, far)
-        kept = alike & near & unchanged
+        members = ~np.isin(amplitudes.serials, [*(one.serial for one in some), *far])
+        kept = alike & members & unchanged
         enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
         differences = tuple(difference for difference, _ in groups)
-        return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, differences, tuple(changes))
+        return _Cleaned(
+            left, members, kept if enough else members, tuple(far), some, gross, differences, tuple(changes)
+        )
 
     found = cleaned(before.gross)
     if not amplitudes.marked or not (last or (settled and found.like(before))):
