@@ -410,14 +410,13 @@ def _means(
         return (), ()
     parts = simulator.parts
     found, rows = list[tuple[str, dict[str, IndexValue], str, str]](), list[Array]()
-    for number, process in enumerate(parts.processes):
-        members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
-        single = list(zip(process.instances, members[:, None], strict=True))
-        together = [(process.indices, members)] if len(members) > 1 else []
-        for indices, some in (*together, *(single if len(members) <= _FEW else ())):
-            for parameter, places in zip(process.parameters, some.T, strict=True):
+    for process in parts.processes:
+        together = [process.indices] if len(process.instances) > 1 else []
+        for indices in (*together, *(process.instances if len(process.instances) <= _FEW else ())):
+            for parameter in process.parameters:
                 found.append((process.key, dict(indices), parameter.name, parameter.dimension))
-                rows.append(np.bincount(places, minlength=len(parts.process)) / len(places))
+                alike = parts.shifted(process.key, indices, {parameter.name: 1.0})
+                rows.append(alike / alike.sum())
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = -float(scipy.special.ndtri(0.025 / len(rows)))
