@@ -24,7 +24,7 @@ from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, sample_of
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import Process, UnitParts, processes_of
-from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
+from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift, sizes_of
 from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
@@ -392,7 +392,7 @@ def _capability(process: Process, deviation: float, means: Sequence[Shift]) -> t
         return None, None
     vectors = len(process.parameters) > 1 and tolerance.in_vectors
     needed = deviation * (math.sqrt(-2 * math.log(OUTSIDE)) if vectors else 3.0)
-    own = {m.parameter: m.size.value for m in means if (m.key, m.indices) == (process.key, process.indices)}
+    own = sizes_of(means, process.key, process.indices)
     if not own:
         return tolerance.width / needed, None
     off = math.hypot(*(own[p.name] - tolerance.mean.get(p.name, 0.0) for p in process.parameters))
