@@ -484,10 +484,8 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
             found = of.ranked(at, solved)
     one, rivals = fits.candidates[found.best], fits.rivals(found.likely, found.best, found.misfit)
     size = _bounded(found.effects[found.best].sizes, one)
-    (effect,), of = (
-        _solved([one], [size], units, _SIZED, halves=True),
-        replace(of, unknown=units.uncertainty(one, size)),
-    )
+    (effect,) = _solved([one], [size], units, _SIZED, halves=True)
+    of = replace(of, unknown=units.uncertainty(one, size))
     chi = of.chi_squares(effect)
     at, times = (int(place) for place in np.unravel_index(chi.argmax(), chi.shape))
     effect = effect.times(_TIMES[times])
