@@ -270,7 +270,7 @@ def _clean(
 
     shifted = _ShiftedUnits(matching, estimate, seed)
     groups = group_differences(
-        _centred(left[places]), labels, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
+        amplitudes.about_mean(left[places]), labels, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     for group, effect in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
@@ -279,7 +279,7 @@ def _clean(
         alike &= ~inside
 
     changed = changes_over_serial(
-        _centred(left[places]), serials, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
+        amplitudes.about_mean(left[places]), serials, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     changes = [change for change, _ in changed]
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units
@@ -320,10 +320,6 @@ def _clean(
     own = OwnEquilibrium.of(simulator, estimate, seed)
     more = own.outsiders(theirs, units, middle[asked], far, share, level=LEVEL / 2)
     return cleaned((*before.gross, *more))
-
-
-def _centred(values: Array) -> Array:
-    return np.asarray(values - values.mean(axis=0))
 
 
 def _outsiders(
