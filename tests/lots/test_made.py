@@ -210,7 +210,7 @@ def test_processes_are_all_parts_of_a_kind_and_none_twice() -> None:
         for e, p in zip(parts.effect, parts.parameters, strict=True)
     ]
     assert len(set(names)) == len(names) == len(parts.process)
-    assert sum(len(one.at) for one in parts.placed) == len(parts.process)
+    assert sum(len(one.at) for one in parts.effects) == len(parts.process)
 
 
 def test_tolerances_say_which_parts_vary_and_none_twice() -> None:

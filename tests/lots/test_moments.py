@@ -308,7 +308,7 @@ def test_states_within_the_errors_are_those_that_the_covariance_has() -> None:
 def test_what_another_fit_has_more_of_is_told_where_it_is_none_here() -> None:
     """Shares of the variance, not of the noise: 2 um at 3 per um with a noise of 1, and 1 um at 1 per um with 4."""
     squares, noise = np.array([np.diag([9.0, 0.0]), np.diag([0.0, 1.0])]), np.array([1.0, 4.0])
-    draws = Draws(np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)), np.empty((2, 2)), squares, marked=True)
+    draws = Draws(np.empty((1, 2)), np.empty((1, 2, 2)), np.empty((1, 6, 2)), np.empty((2, 2)), squares)
 
     def told(first: float, second: float, *others: LotEstimate) -> LotEstimate:
         state, known = State(np.array([first, second])), 1e-4 * np.eye(2 + COMPLIANCES)

@@ -138,6 +138,10 @@ class Amplitudes:
         turned = sign[:, None] * sign * forms[..., other[:, None], other]
         return np.where(self.same_order, (forms + turned) / 2, 0.0)
 
+    def about_mean(self, values: Array) -> Array:
+        """Amplitudes of some units about their mean; as they are without marks, which leave no mean."""
+        return np.asarray(values - values.mean(axis=0) * self.marked)
+
     @property
     def variance(self) -> Array:
         """Of each amplitude over the units, shape (d,)."""

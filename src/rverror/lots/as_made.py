@@ -8,7 +8,7 @@ from rverror.base.numbers import brief
 from rverror.base.text import printable
 from rverror.base.toml import quoted
 from rverror.base.units import DISPLAY_UNITS, parse, to_display
-from rverror.lots.result import Interval, Lot, MadeBy
+from rverror.lots.result import Interval, Lot, MadeBy, sizes_of
 from rverror.model.catalogue import source
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.distribution import Normal, Rayleigh
@@ -32,7 +32,7 @@ def tolerances_as_made(result: Lot) -> str:
         where no process is above zero.
     """
     tables = [
-        _table(one, one.deviation, _means(result, one))
+        _table(one, one.deviation, sizes_of(result.shifts, one.key, one.indices))
         for one in result.processes
         if one.above_zero and one.deviation is not None
     ]
@@ -46,15 +46,6 @@ def tolerances_as_made(result: Lot) -> str:
     for one, most in others:
         lines += [f"# {line}".rstrip() for line in _table(one, Interval(most, 0.0, most), {})]
     return "\n".join(lines) + "\n"
-
-
-def _means(result: Lot, one: MadeBy) -> dict[str, float]:
-    """Systematic errors of all parts of a process, by parameter."""
-    return {
-        shift.parameter: shift.size.value
-        for shift in result.shifts
-        if (shift.key, dict(shift.indices)) == (one.key, dict(one.indices)) and shift.parameter in one.parameters
-    }
 
 
 def _table(process: MadeBy, deviation: Interval, means: Mapping[str, float]) -> list[str]:

@@ -24,7 +24,7 @@ from rverror.lots.members import outsiders
 from rverror.lots.moments import STIFFNESS, LotEstimate, MomentMatching, sample_of
 from rverror.lots.own_equilibrium import OwnEquilibrium
 from rverror.lots.processes import Process, UnitParts, processes_of
-from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift
+from rverror.lots.result import Change, Difference, Interval, Lot, MadeBy, Outsider, Predicted, Shift, sizes_of
 from rverror.lots.shifts import ShiftSource, candidates_of
 from rverror.lots.simulated import COMPLIANCES, Simulator
 from rverror.model.effects import Model
@@ -64,7 +64,7 @@ class _Cleaned:
     """What was told of single units and groups, and the amplitudes without it."""
 
     values: Array
-    members: npt.NDArray[np.bool_]
+    members: npt.NDArray[np.bool_]  #: without suspects
     kept: npt.NDArray[np.bool_]  #: those that the processes are told from
     suspects: tuple[str, ...] = ()  #: members that are left out as they are far from the others
     outsiders: tuple[Outsider, ...] = ()
@@ -170,7 +170,7 @@ def lot(
 
 
 def _notes(amplitudes: Amplitudes, cleaned: _Cleaned, estimate: LotEstimate, simulator: Simulator) -> tuple[str, ...]:
-    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum()) - len(cleaned.suspects)
+    count, members = int(cleaned.kept.sum()), int(cleaned.members.sum())
     notes = list(amplitudes.notes)
     if cleaned.suspects:
         notes.append(f"far from the other units, and left out of the estimate: {', '.join(cleaned.suspects)}")
@@ -262,7 +262,7 @@ def _clean(
     simulator = matching.simulator
     amplitudes, parts, weight = simulator.amplitudes, simulator.parts, estimate.weight
     candidates = candidates_of(estimate.influence, parts) if amplitudes.marked else ()
-    places = np.flatnonzero(before.members & ~np.isin(amplitudes.serials, before.suspects))
+    places = np.flatnonzero(before.members)
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
     left, alike = values.copy(), np.ones(len(values), np.bool_)
@@ -270,7 +270,7 @@ def _clean(
 
     shifted = _ShiftedUnits(matching, estimate, seed)
     groups = group_differences(
-        _centred(left[places]), labels, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
+        amplitudes.about_mean(left[places]), labels, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     for group, effect in groups:
         inside = np.array([value == group.value for value in amplitudes.labels[group.label]])
@@ -279,7 +279,7 @@ def _clean(
         alike &= ~inside
 
     changed = changes_over_serial(
-        _centred(left[places]), serials, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
+        amplitudes.about_mean(left[places]), serials, weight, candidates, shifted=shifted, level=LEVEL / 2, seed=seed
     )
     changes = [change for change, _ in changed]
     ends = [0, *places[1:], len(values)]  # of parts of the members among all units
@@ -298,14 +298,15 @@ def _clean(
     def cleaned(gross: tuple[Outsider, ...]) -> _Cleaned:
         told, most = {one.serial: one for one in (*odd, *gross)}, _SPOILT * len(values)
         some = tuple(sorted(told.values(), key=lambda one: one.chance)) if len(told) <= most else ()
-        members = ~np.isin(amplitudes.serials, [one.serial for one in some])
         far = sorted({one.serial for one in suspects} - told.keys())
         far = far if len(told) + len(far) <= most else []
-        near = members & ~np.isin(amplitudes.serials, far)
-        kept = alike & near & unchanged
+        members = ~np.isin(amplitudes.serials, [*(one.serial for one in some), *far])
+        kept = alike & members & unchanged
         enough = kept.sum() >= max(_LEFT[0], _LEFT[1] * len(values))
         differences = tuple(difference for difference, _ in groups)
-        return _Cleaned(left, members, kept if enough else near, tuple(far), some, gross, differences, tuple(changes))
+        return _Cleaned(
+            left, members, kept if enough else members, tuple(far), some, gross, differences, tuple(changes)
+        )
 
     found = cleaned(before.gross)
     if not amplitudes.marked or not (last or (settled and found.like(before))):
@@ -321,10 +322,6 @@ def _clean(
     return cleaned((*before.gross, *more))
 
 
-def _centred(values: Array) -> Array:
-    return np.asarray(values - values.mean(axis=0))
-
-
 def _outsiders(
     simulator: Simulator, values: Array, some: npt.NDArray[np.bool_], estimate: LotEstimate, seed: int
 ) -> tuple[Outsider, ...]:
@@ -334,7 +331,7 @@ def _outsiders(
     """
     rng, marked = np.random.default_rng(seed + 1), simulator.amplitudes.marked
     drawn = simulator.values(estimate.state, rng.standard_normal((_MEMBERS, len(simulator.parts.process))))
-    members = drawn - marked * drawn.mean(axis=0) + rng.standard_normal(drawn.shape)
+    members = simulator.amplitudes.about_mean(drawn) + rng.standard_normal(drawn.shape)
     units, serials = values[some], tuple(compress(simulator.amplitudes.serials, some))
     units = units - marked * np.median(units, axis=0)
     weight, influence, parts = estimate.weight, estimate.influence, simulator.parts
@@ -391,7 +388,7 @@ def _capability(process: Process, deviation: float, means: Sequence[Shift]) -> t
         return None, None
     vectors = len(process.parameters) > 1 and tolerance.in_vectors
     needed = deviation * (math.sqrt(-2 * math.log(OUTSIDE)) if vectors else 3.0)
-    own = {m.parameter: m.size.value for m in means if (m.key, m.indices) == (process.key, process.indices)}
+    own = sizes_of(means, process.key, process.indices)
     if not own:
         return tolerance.width / needed, None
     off = math.hypot(*(own[p.name] - tolerance.mean.get(p.name, 0.0) for p in process.parameters))
@@ -409,14 +406,13 @@ def _means(
         return (), ()
     parts = simulator.parts
     found, rows = list[tuple[str, dict[str, IndexValue], str, str]](), list[Array]()
-    for number, process in enumerate(parts.processes):
-        members = np.flatnonzero(parts.process == number).reshape(len(process.instances), -1)
-        single = list(zip(process.instances, members[:, None], strict=True))
-        together = [(process.indices, members)] if len(members) > 1 else []
-        for indices, some in (*together, *(single if len(members) <= _FEW else ())):
-            for parameter, places in zip(process.parameters, some.T, strict=True):
+    for process in parts.processes:
+        together = [process.indices] if len(process.instances) > 1 else []
+        for indices in (*together, *(process.instances if len(process.instances) <= _FEW else ())):
+            for parameter in process.parameters:
                 found.append((process.key, dict(indices), parameter.name, parameter.dimension))
-                rows.append(np.bincount(places, minlength=len(parts.process)) / len(places))
+                alike = parts.shifted(process.key, indices, {parameter.name: 1.0})
+                rows.append(alike / alike.sum())
     mean = cleaned.values[cleaned.kept].mean(axis=0)
     sizes, errors = estimate.means(np.array(rows), simulator, mean, cleaned.kept.sum())
     far = -float(scipy.special.ndtri(0.025 / len(rows)))

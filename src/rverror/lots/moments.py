@@ -331,8 +331,7 @@ class MomentMatching:
     def _likelihood(self, state: State) -> Likelihood:
         """That of the sample with the prior."""
         values = self.simulator.values(state, self.fresh)
-        values -= values.mean(axis=0) * self.simulator.amplitudes.marked
-        found = Likelihood.of(self.sample, values, self._made)
+        found = Likelihood.of(self.sample, self.simulator.amplitudes.about_mean(values), self._made)
         return found._replace(deviance=found.deviance + self._prior(state))
 
     def _without(self, state: State) -> list[State]:
@@ -429,23 +428,22 @@ class MomentMatching:
         """
         forms = np.array([weight @ kind @ weight for kind in kinds])
         forms /= np.sqrt(np.einsum("ade,ade->a", forms, forms))[:, None, None]
-        noisy = units - units.mean(axis=0) * draws.marked + np.random.default_rng(1).standard_normal(units.shape)
+        amplitudes = self.simulator.amplitudes
+        noisy = amplitudes.about_mean(units) + np.random.default_rng(1).standard_normal(units.shape)
         spread = np.cov(np.array([np.einsum("ud,ud->u", noisy @ form, noisy) for form in forms]))
-        count, drawn = len(forms), 1 / len(draws.values)
         shifted = draws.influence * self.simulator.parts.plausible
         whole = draws.mean_covariance(self.sample.units) + shifted @ shifted.T
-        of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * draws.marked]
-        inverse = np.zeros((count + len(of_mean), count + len(of_mean)))
-        too_large = (len(units) - 1) / max(len(units) - count - 2, 1)
-        inverse[:count, :count] = _inverse(spread * (1 / (self.sample.units - 1) + drawn) * too_large)
-        inverse[count:, count:] = _inverse(of_mean @ whole @ of_mean.T)
-        return _Weights(forms, of_mean, inverse)
+        of_mean = np.linalg.solve(whole, draws.by_compliance.mean(axis=0).T).T[: COMPLIANCES * amplitudes.marked]
+        too_large = (len(units) - 1) / max(len(units) - len(forms) - 2, 1)
+        of_forms = _inverse(spread * (1 / (self.sample.units - 1) + 1 / len(draws.values)) * too_large)
+        return _Weights(forms, of_mean, scipy.linalg.block_diag(of_forms, _inverse(of_mean @ whole @ of_mean.T)))
 
     def _distance(self, draws: Draws, state: State, weights: _Weights) -> _Distance:
         """Statistics of the sample less those of the drawn units, and how these change with the state."""
-        forms, about, count = weights.forms, draws.about_mean, len(draws.values)
+        amplitudes, forms, count = self.simulator.amplitudes, weights.forms, len(draws.values)
+        about = amplitudes.about_mean(draws.values)
         pressed = np.array([about @ form for form in forms])  # (a, u, d)
-        made = np.einsum("aud,ud->a", pressed, about) / (count - draws.marked)
+        made = np.einsum("aud,ud->a", pressed, about) / (count - amplitudes.marked)
         noise = np.eye(about.shape[1])
         had = np.einsum("ade,de->a", forms, self.sample.covariance - noise)
         shifted = self.sample.mean - draws.mean

@@ -368,12 +368,12 @@ class OwnEquilibrium:
 
     def _shifts(self, error: GrossError) -> tuple[Shift, ...]:
         """Its sizes, those of which the amplitudes say more than what was known before."""
-        parts, effect = self.simulator.parts, self.simulator.parts.effects[error.effect]
-        own = np.flatnonzero(parts.effect == error.effect).tolist()
-        rows = zip(own, error.sizes.tolist(), error.errors.tolist(), error.known.tolist(), strict=True)
+        effect, process = self.simulator.parts.effects[error.effect], self._process_of_effect[error.effect]
+        rows = zip(process.parameters, error.sizes.tolist(), error.errors.tolist(), error.known, strict=True)
         return tuple(
             Shift(effect.key, effect.indices, p.name, p.dimension, Interval(x, x - 1.96 * e, x + 1.96 * e))
-            for p, x, e in ((parts.parameters[at], x, e) for at, x, e, known in rows if known)
+            for p, x, e, known in rows
+            if known
         )
 
     @cached_property

@@ -20,7 +20,7 @@ from rverror.base.text import describe
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue, Known, Parameter, Source, rv
 from rverror.model.catalogue import CATALOGUE, source
-from rverror.model.effects import Effect, Model
+from rverror.model.effects import Model
 from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.loaded_units import Instance
 
@@ -76,13 +76,16 @@ class UnitParts:
     processes: tuple[Process, ...]
 
     @cached_property
-    def effects(self) -> tuple[Effect, ...]:
-        """One effect of no size for each part of each process."""
-        return tuple(
-            Effect(process.key, dict(indices), (0.0,) * len(source(process.key).parameters))
-            for process in self.processes
-            for indices in process.instances
-        )
+    def effects(self) -> tuple[Instance, ...]:
+        """Each part of each process, with where its components stand among the parameters of its source."""
+        found, first = list[Instance](), 0
+        for process in self.processes:
+            names = [p.name for p in source(process.key).parameters]
+            own = [names.index(p.name) for p in process.parameters]
+            for indices in process.instances:
+                found.append(Instance(process.key, dict(indices), tuple((at, first + n) for n, at in enumerate(own))))
+                first += len(own)
+        return tuple(found)
 
     @cached_property
     def process(self) -> npt.NDArray[np.intp]:
@@ -92,8 +95,7 @@ class UnitParts:
     @cached_property
     def effect(self) -> npt.NDArray[np.intp]:
         """Effect of each component, shape (p,)."""
-        sizes = [len(process.parameters) for process in self.processes for _ in process.instances]
-        return np.repeat(np.arange(len(sizes)), sizes)
+        return np.repeat(np.arange(len(self.effects)), [len(one.at) for one in self.effects])
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -124,17 +126,6 @@ class UnitParts:
         by = np.array([sizes.get(parameter.name, 0.0) for parameter in self.parameters])
         return np.where(same, by, 0.0)
 
-    @cached_property
-    def placed(self) -> tuple[Instance, ...]:
-        """Where the components stand among the parameters of each effect."""
-        placed = []
-        for number, one in enumerate(self.effects):
-            names = [p.name for p in source(one.key).parameters]
-            own = np.flatnonzero(self.effect == number).tolist()
-            at = tuple((names.index(self.parameters[component].name), component) for component in own)
-            placed.append(Instance(one.key, one.indices, at))
-        return tuple(placed)
-
 
 def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | None = None) -> tuple[Process, ...]:
     """Processes whose parts a run can show: of the drawing's tolerances, or all of the catalogue.
@@ -160,22 +151,13 @@ def processes_of(model: Model, run: Known, tolerances: Iterable[Tolerance] | Non
         found = [p for one in tolerances for p in _by_harmonic(one.key, one.instances(unit), one.chosen, one)]
         _check_once(found)
         return tuple(found)
-    return tuple(
-        process
-        for entry in CATALOGUE.values()
-        if entry.applies_to(unit) and entry.is_cause and not entry.lacks(unit, run)
-        for process in _of_source(entry, unit)
-    )
-
-
-def _of_source(entry: Source, unit: Reducer) -> list[Process]:
-    """Processes of a source, where its size is random from part to part."""
-    varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
-    if not (entry.in_lots and entry.tried and entry.periodic and varied):
-        return []
-    harmonics = range(1, _HARMONICS + 1)
-    every = processes_of_source(entry, unit, varied)
-    return [one for one in every if one.indices.get("harmonic", 1) in harmonics]
+    found = []
+    for entry in CATALOGUE.values():
+        varied = tuple(p for p in entry.parameters if p.dimension in ("length", "angle") and p.least < 0)
+        random = entry.in_lots and entry.tried and entry.periodic and varied  # from part to part
+        if random and entry.applies_to(unit) and not entry.lacks(unit, run):
+            found += processes_of_source(entry, unit, varied)
+    return tuple(one for one in found if one.indices.get("harmonic", 1) in range(1, _HARMONICS + 1))
 
 
 def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Parameter, ...]) -> list[Process]:

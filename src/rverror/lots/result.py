@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -91,6 +91,11 @@ class Shift:
     parameter: str
     dimension: str
     size: Interval
+
+
+def sizes_of(shifts: Iterable[Shift], key: str, indices: Mapping[str, IndexValue]) -> dict[str, float]:
+    """Sizes of those systematic errors that all parts of a process share, by parameter, core units."""
+    return {one.parameter: one.size.value for one in shifts if (one.key, one.indices) == (key, indices)}
 
 
 @dataclass(frozen=True)

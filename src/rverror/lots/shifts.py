@@ -167,11 +167,6 @@ class ShiftEffect(NamedTuple):
     sizes: Array
     powers: Array
 
-    @classmethod
-    def of_first_order(cls, source: ShiftSource, sizes: Array) -> ShiftEffect:
-        """That of a shift by influences alone."""
-        return cls(sizes, (_ORDERS[:, None] == 1) * (source.columns @ sizes))
-
     def of(self, share: Array) -> Array:
         """What shares of it do, shape (n,) to (n, d)."""
         return np.asarray(share[:, None] ** _ORDERS @ self.powers)
@@ -414,7 +409,7 @@ class _Courses:
         chi = fits.chi_squares(contrast @ fits.basis)
         linear = [contrast @ sizing / size for sizing in fits.sizing]
         pairs = zip(linear, fits.candidates, strict=True)
-        effects = [ShiftEffect.of_first_order(one, sizes) for sizes, one in pairs]
+        effects = [ShiftEffect(sizes, np.outer(_ORDERS == 1, one.columns @ sizes)) for sizes, one in pairs]
         only = replace(self, shares=self.shares[:, [course]])
         for number, effect in solved.items():
             of_times = only.chi_squares(effect)[0]
@@ -484,10 +479,8 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
             found = of.ranked(at, solved)
     one, rivals = fits.candidates[found.best], fits.rivals(found.likely, found.best, found.misfit)
     size = _bounded(found.effects[found.best].sizes, one)
-    (effect,), of = (
-        _solved([one], [size], units, _SIZED, halves=True),
-        replace(of, unknown=units.uncertainty(one, size)),
-    )
+    (effect,) = _solved([one], [size], units, _SIZED, halves=True)
+    of = replace(of, unknown=units.uncertainty(one, size))
     chi = of.chi_squares(effect)
     at, times = (int(place) for place in np.unravel_index(chi.argmax(), chi.shape))
     effect = effect.times(_TIMES[times])

@@ -66,8 +66,6 @@ class Draws:
         Mean change per core unit of each component.
     squares : ndarray, shape (processes, d, d)
         Mean of J J', the changes with all components of a process.
-    marked : bool
-        Whether units have a mean that a lot shows: they do not where each is turned by an angle of its own.
     """
 
     values: Array
@@ -75,7 +73,6 @@ class Draws:
     by_compliance: Array
     influence: Array
     squares: Array
-    marked: bool
 
     def covariance(self, deviation: Array) -> Array:
         """Covariance, noise included, were all linear: no contact that opens makes it smaller, shape (d, d)."""
@@ -87,13 +84,8 @@ class Draws:
 
     @cached_property
     def mean(self) -> Array:
-        """Mean amplitudes that a lot shows, shape (d,)."""
-        return np.asarray(self.values.mean(axis=0) * self.marked)
-
-    @cached_property
-    def about_mean(self) -> Array:
-        """Amplitudes about their mean, shape (units, d)."""
-        return self.values - self.mean
+        """Mean amplitudes, shape (d,); a lot shows them only where marks are known."""
+        return np.asarray(self.values.mean(axis=0))
 
 
 @dataclass(frozen=True)
@@ -119,7 +111,7 @@ class Simulator:
         Pins follow the profiles: without that order 77 of an RV-40E with pins of 3 um is 0.2 arcsec off.
         """
         model = replace(self.model, mechanism=curved(self.model.mechanism))
-        every, angles = self.parts.placed, min(_ANGLES, self.amplitudes.samples)
+        every, angles = self.parts.effects, min(_ANGLES, self.amplitudes.samples)
         return [
             LoadedTurn.of(model, every, angles=angles, direction=c.direction, torque=c.torque, reads=True)
             for c in self.amplitudes.conditions
@@ -173,7 +165,7 @@ class Simulator:
             mine = rows[:, some].reshape(-1, rows.shape[2])
             np.divide(mine.T @ mine, len(solved), out=square)
         squares = self.amplitudes.over_turns(squares)
-        return Draws(values, by_process, by_compliance, rows.mean(axis=0).T, squares, self.amplitudes.marked)
+        return Draws(values, by_process, by_compliance, rows.mean(axis=0).T, squares)
 
     def raised(self, state: State, standard: Array, deviation: Array) -> Array:
         """Whitened amplitudes of units with one process at a time none, and raised with its draws and with minus these.
