@@ -271,12 +271,9 @@ class GrowthSearch:
     @cached_property
     def components(self) -> Array:
         """What one of each size of each cause is of all components, shape (components, columns)."""
-        parts, found = self.unit.parts, []
-        for one in self.causes:
-            mine = np.array([e.key == one.key and one.indices.items() <= e.indices.items() for e in parts.effects])
-            named = np.array([[p.name == name for name in one.parameters] for p in parts.parameters])
-            found.append(named & mine[parts.effect][:, None])
-        return np.concatenate(found, axis=1).astype(np.float64)
+        parts = self.unit.parts
+        columns = [parts.shifted(c.key, c.indices, {name: 1.0}) for c in self.causes for name in c.parameters]
+        return np.array(columns).T
 
     @cached_property
     def columns(self) -> Array:
