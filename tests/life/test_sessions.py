@@ -71,7 +71,7 @@ def history(changes: np.ndarray, *, lost: np.ndarray | None = None, zero: bool =
             for way in (1.0, -1.0)
         )
         sessions.append(Session(100.0 * number, str(number), runs))
-    return history_of(UNIT, "hour", sessions)
+    return history_of(UNIT, sessions)
 
 
 def test_noise_is_that_of_a_session_whatever_grows_or_jumps() -> None:
@@ -107,7 +107,7 @@ def test_several_torques_of_one_zero_tell_what_they_wind_up() -> None:
             for way in (1.0, -1.0)
         ]
         sessions.append(Session(float(number), str(number), tuple(runs)))
-    found = history_of(UNIT, "hour", sessions)
+    found = history_of(UNIT, sessions)
     told = found.amplitudes.values @ found.rows[-found.own_zeros :].T / rverror.ARCSEC
     # 10 between the directions of each torque, 80 between the means of the torques; nothing of the session's number
     assert np.sort(told, axis=1) == pytest.approx(np.tile([10.0, 10.0, 80.0], (4, 1)), abs=1e-6)

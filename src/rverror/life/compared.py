@@ -82,7 +82,7 @@ def compare_runs(
     check_kind("model", model, Model, "give load_model(path)")
     notes.append(_ONCE)
     sessions = (Session(0.0, "before", tuple(before)), Session(1.0, "after", tuple(after)))
-    history = history_of(model, "hour", sessions)
+    history = history_of(model, sessions)
     changed: tuple[Changed, ...] = ()
     if isinstance(model.mechanism, Reducer):
         search, found = searched(model, sessions, history, progress or (lambda text: None))

@@ -74,7 +74,7 @@ def trend(
     unit, sessions = sessions_of(runs)
     if len(sessions) < 3:
         raise InputError(f"runs: {count_of(len(sessions), 'session')}; a trend takes 3 or more, two are compared")
-    history = history_of(model, unit, sessions)
+    history = history_of(model, sessions)
     _check_limit(limit, history)
     search, found = searched(model, sessions, history, tell)
     history = search.unit.history
@@ -113,7 +113,7 @@ def searched(
         found = search.found()
         if not found.terms or number == _ROUNDS - 1:
             break
-        again = history_of(model, history.unit, sessions, made_by(search, found))
+        again = history_of(model, sessions, made_by(search, found))
         if np.median(again.amplitudes.noise / history.amplitudes.noise) > _SAME:
             break
         state = replace(state, history=again)

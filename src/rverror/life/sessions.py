@@ -124,8 +124,6 @@ class History:
 
     Attributes
     ----------
-    unit : str
-        Of the time.
     at : ndarray, shape (sessions,)
     amplitudes : Amplitudes
         Of orders from 0 up, with the noise of a session.
@@ -137,7 +135,6 @@ class History:
         Entries of a row that are lost motions, in the order of torques.
     """
 
-    unit: str
     at: Array
     amplitudes: Amplitudes
     rows: Array
@@ -165,14 +162,12 @@ class History:
         return np.asarray(self.whitening * np.sqrt(self.amplitudes.noise))
 
 
-def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Array | None = None) -> History:
+def history_of(model: Model, sessions: Sequence[Session], fitted: Array | None = None) -> History:
     """Amplitudes and lost motions of sessions, with the noise that they tell.
 
     Parameters
     ----------
     model : Model
-    unit : str
-        Of the time.
     sessions : sequence of Session
         Two or more, in the order of time.
     fitted : ndarray, shape (sessions, conditions * 2 * k), optional
@@ -202,7 +197,7 @@ def history_of(model: Model, unit: str, sessions: Sequence[Session], fitted: Arr
     first = len(waves)
     variance[first:] = np.maximum(variance[first:], repeated(changed @ contrasts.T, at))
     lost_motion = tuple(first + number for number in lost)
-    return History(unit, at, amplitudes, np.concatenate([waves, contrasts]), variance, lost_motion)
+    return History(at, amplitudes, np.concatenate([waves, contrasts]), variance, lost_motion)
 
 
 def bumps(values: Array, at: Array) -> Array:
