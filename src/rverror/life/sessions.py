@@ -6,7 +6,7 @@ Page ``theory/trend.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -19,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.chance import chi_square
 from rverror.base.errors import InputError, refusing
 from rverror.base.text import shown
-from rverror.lots.amplitudes import Amplitudes, Condition, LotUnit, condition_of, joined_units, orders_about, split_unit
+from rverror.lots.amplitudes import Amplitudes, LotUnit, condition_of, joined_units, orders_about, split_unit
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 
@@ -279,37 +279,27 @@ def _contrasts(joined: Amplitudes, sessions: Sequence[Session]) -> tuple[Array, 
 
     Of a torque in both directions the difference; of several torques each with the mean of those before it.
     """
-    count, conditions = 1 + joined.orders.size, joined.conditions
-    zeros = [tuple(_zero(one, condition) for one in sessions) for condition in conditions]
-
-    def of_offsets(some: Mapping[int, float]) -> Array:
-        """Row that takes the offsets of some conditions, each so many times."""
-        row = np.zeros(2 * count * len(conditions))
-        for number, times in some.items():
-            row[2 * count * number] = times / math.sqrt(2)
-        return row
-
+    conditions = joined.conditions
+    # label of the zero of each run, empty where it has one of its own; of two runs of a condition the first counts
+    indices = [{condition_of(run): run.index for run in reversed(one.runs)} for one in sessions]
+    zeros = [tuple(of_runs[c] for of_runs in indices) for c in conditions]
+    directions, torques = np.array([(c.direction, c.torque) for c in conditions]).T
     rows, lost = list[Array](), list[int]()
     for label in dict.fromkeys(zeros):
-        means = list[Array]()
-        for torque in dict.fromkeys(c.torque for c in conditions):
-            some = [n for n, c in enumerate(conditions) if zeros[n] == label and c.torque == torque]
-            if not all(label) or not some:
-                continue
-            if len(some) == 2:
+        if not all(label):
+            continue
+        sharing, means = np.array([zero == label for zero in zeros]), list[Array]()
+        for torque in dict.fromkeys(torques[sharing].tolist()):
+            some = (sharing & (torques == torque)) / math.sqrt(2)  # order 0 is the offset times the root of two
+            if np.count_nonzero(some) == 2:
                 lost.append(len(rows))
-                rows.append(of_offsets({n: conditions[n].direction for n in some}))
-            mean = of_offsets(dict.fromkeys(some, 1 / len(some)))
+                rows.append(some * directions)
+            mean = some / np.count_nonzero(some)
             if means:
                 rows.append(mean - np.mean(means, axis=0))
             means.append(mean)
-    return np.array(rows).reshape(len(rows), 2 * count * len(conditions)), lost
-
-
-def _zero(session: Session, condition: Condition) -> str:
-    """Label of the zero of a session's run; empty where it has one of its own."""
-    own = (run.index for run in session.runs if condition_of(run) == condition)
-    return next(own, "")
+    of_offsets = np.array(rows).reshape(len(rows), len(conditions))
+    return np.asarray(np.kron(of_offsets, np.eye(1, 2 * (1 + joined.orders.size))), dtype=np.float64), lost
 
 
 def run_files(paths: Sequence[str], suffixes: tuple[str, ...]) -> list[str]:
