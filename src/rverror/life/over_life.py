@@ -29,7 +29,7 @@ _WAVES = 512  # angles of a turn
 _DRAWS = 200  # of what is known of the causes, for the time that remains
 _FURTHEST = 100.0  # times the time that was measured: beyond it nothing is predicted
 _TIMES = 120  # at which a limit is asked for, each 10 % after the last
-_ROUNDS, _SAME = 2, 0.9  # of the noise: once what changed is known, it is no noise; and the share that is no change
+_SAME = 0.9  # of the noise, which is no change of it
 
 
 def trend(
@@ -106,17 +106,15 @@ def searched(
 ) -> tuple[GrowthSearch, Fitted]:
     """Causes of the changes between sessions, with the noise that they leave."""
     tell(f"{count_of(len(sessions), 'session')}: the unit at the load")
-    state = unit_state(model, history)
-    for number in range(_ROUNDS):
-        tell("causes that change")
-        search = GrowthSearch(state)
-        found = search.found()
-        if not found.terms or number == _ROUNDS - 1:
-            break
+    search = GrowthSearch(unit_state(model, history))
+    tell("causes that change")
+    found = search.found()
+    if found.terms:  # once what changed is known, it is no noise
         again = history_of(model, sessions, made_by(search, found))
-        if np.median(again.amplitudes.noise / history.amplitudes.noise) > _SAME:
-            break
-        state = replace(state, history=again)
+        if np.median(again.amplitudes.noise / history.amplitudes.noise) <= _SAME:
+            search = GrowthSearch(replace(search.unit, history=again))
+            tell("causes that change")
+            found = search.found()
     return search, found
 
 
