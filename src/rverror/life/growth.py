@@ -6,8 +6,8 @@ Page ``theory/trend.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -202,8 +202,8 @@ class Fitted:
         What is left of the rows about their mean.
     missed : ndarray, shape (d,)
         Variance that the model misses of the causes, over that of noise, summed over the sessions.
-    nodes : tuple of AtLoad
-        What the load makes of each cause; empty where some were not solved there.
+    nodes : mapping of int to AtLoad
+        What the load makes of causes, by their numbers: of those that were solved there.
     """
 
     terms: tuple[Term, ...]
@@ -212,7 +212,7 @@ class Fitted:
     score: float
     left: Array
     missed: Array
-    nodes: tuple[AtLoad, ...] = ()
+    nodes: Mapping[int, AtLoad] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -444,7 +444,7 @@ class GrowthSearch:
         way, _ = np.linalg.qr(both.T)  # of the sessions' contrasts those that the causes reach
         reach, bent_reach = way.T @ waves.T, way.T @ bends.T
         made = np.einsum("wk,dk->wdk", reach[:, of], columns)
-        nodes = {} if near is None else {t.cause: n for t, n in zip(near.terms, near.nodes, strict=False)}
+        nodes = {} if near is None else dict(near.nodes)
         variance = np.ones((way.shape[1], d))
         for _ in range(_REFITS):
             weighted = made / variance[:, :, None]
@@ -480,8 +480,8 @@ class GrowthSearch:
         cost = sum(t.course.cost + 2 * math.log(len(self.causes)) for t in chosen)
         blocks = tuple(covariance[np.ix_(of == n, of == n)] for n in range(len(chosen)))
         total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
-        kept = tuple(nodes[t.cause] for t in chosen if t.cause in nodes)
-        return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept if len(kept) == len(chosen) else ())
+        kept = {t.cause: nodes[t.cause] for t in chosen if t.cause in nodes}
+        return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept)
 
     def _at_load(self, term: Term, sizes: Array) -> AtLoad | None:
         """What shares of a cause do at the load beyond the first order; None where a unit has no equilibrium."""
