@@ -499,14 +499,15 @@ class GrowthSearch:
 
     # --- what is said of a set ----------------------------------------------------------------------------------------
 
-    def rivals(self, now: Fitted, number: int) -> list[Fitted]:
+    def rivals(self, now: Fitted, number: int, others: Fitted) -> list[Fitted]:
         """The set with other causes in place of one: no less likely than a hundredth, equivalent, or alike.
+
+        The others are the set without the one.
 
         What sources declare to be told apart by the contacts alone is a rival as long as it explains half as much:
         which contacts carry is inferred, not known.  What does the same to the first order is one whatever its score:
         causes that only shift the output are a class, and what parts them is the model's error.
         """
-        others = self.fitted(now.terms[:number] + now.terms[number + 1 :], now)
         scores, course = self._promises(others)
         own, evidence = now.terms[number].cause, others.score - now.score
         within = RIVAL + _ALIKE * evidence

@@ -136,7 +136,7 @@ def changes_found(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
         ways = search.ways(found, number)
         cause, course = search.causes[term.cause], term.course
         since = _mixed([(weight, one.terms[number].course.since, 0.0) for weight, one in ways])
-        rivals = [search.causes[one.terms[-1].cause] for one in search.rivals(found, number)]
+        rivals = [search.causes[one.terms[-1].cause] for one in search.rivals(found, number, others)]
         changed.append(
             Changed(
                 cause.key, cause.indices, course.kind, course.since, since.low, since.high, course.settling,
