@@ -79,13 +79,13 @@ def trend(
     search, found = searched(model, sessions, history, tell)
     history = search.unit.history
     changed = changes_found(search, found)
-    waves = history.amplitudes.waves(history.amplitudes.values, _WAVES)
-    made = made_by(search, found)
-    lost, explained = _lost_motions(history, made)
+    measured, made = history.amplitudes.values, made_by(search, found)
+    lost, explained = (_quantity(history, "lost_motion", some) for some in (measured, made))
     return Trend(
         model.mechanism.name or "reducer", unit, history.at, tuple(map(str, history.amplitudes.conditions)), changed,
-        None if limit is None else remaining(search, found, made, limit), np.ptp(waves, axis=2), lost, explained,
-        _chance(search, found), history.amplitudes.notes,
+        None if limit is None else remaining(search, found, made, limit),
+        _quantity(history, "transmission_error", measured), lost,
+        explained - explained.mean(axis=0) + lost.mean(axis=0), _chance(search, found), history.amplitudes.notes,
     )  # fmt: skip
 
 
@@ -181,16 +181,6 @@ def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
     return Interval(middle, float(low), float(high))
 
 
-def _lost_motions(history: History, made: Array) -> tuple[Array, Array]:
-    """Lost motions of the sessions, and as the causes make them about the same mean, rad.
-
-    Forward the load holds the output back, in reverse it does so the other way: their difference is below 0.
-    """
-    rows = -history.rows[list(history.lost_motion)]
-    measured, explained = history.amplitudes.values @ rows.T, made @ rows.T
-    return measured, explained - explained.mean(axis=0) + measured.mean(axis=0)
-
-
 def _chance(search: GrowthSearch, found: Fitted) -> float:
     """How often noise leaves as much between sessions as the causes do."""
     freedom = (len(found.left) - 1) * found.left.shape[1]
@@ -202,7 +192,7 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
     assert limit.value is not None
     history = search.unit.history
     start = history.amplitudes.values.mean(axis=0) + made[-1] - made.mean(axis=0)
-    now = float(_quantity(history, start[None], limit)[0])
+    now = float(_worst(history, limit.quantity, start[None])[0])
     growing = [number for number, term in enumerate(found.terms) if term.course.kind != "step"]
     if not growing:
         return Remaining(limit.quantity, limit.value, now, None)
@@ -222,15 +212,24 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
             size = one.sizes[number] + root @ random.standard_normal(len(root))
             more = one.terms[number].course.grown(history.at[-1] + ahead) - 1.0
             change += more[:, None] * (column @ size)
-        over = np.flatnonzero(_quantity(history, start + change, limit) > limit.value)
+        over = np.flatnonzero(_worst(history, limit.quantity, start + change) > limit.value)
         left.append(math.inf if not over.size else float(ahead[over[0]]))
     low, middle, high = (float(np.quantile(left, q, method="inverted_cdf")) for q in (0.025, 0.5, 0.975))
     time = None if math.isinf(low) else Interval(middle, low, high)
     return Remaining(limit.quantity, limit.value, now, time)
 
 
-def _quantity(history: History, amplitudes: Array, limit: Limit) -> Array:
-    """What a limit is about, of some amplitudes, the worst condition's, rad."""
-    if limit.quantity == "lost_motion":
-        return np.asarray(np.abs(amplitudes @ history.rows[list(history.lost_motion)].T).max(axis=1))
-    return np.asarray(np.ptp(history.amplitudes.waves(amplitudes, _WAVES), axis=2).max(axis=1))
+def _quantity(history: History, name: str, amplitudes: Array) -> Array:
+    """Peak-to-peak error of each condition or lost motion of each torque, rad, shape (n, conditions or torques).
+
+    Forward the load holds the output back, in reverse it does so the other way: their difference is below 0.
+    """
+    if name == "lost_motion":
+        rows = -history.rows[list(history.lost_motion)]
+        return np.asarray(amplitudes @ rows.T)
+    return np.asarray(np.ptp(history.amplitudes.waves(amplitudes, _WAVES), axis=2))
+
+
+def _worst(history: History, name: str, amplitudes: Array) -> Array:
+    """The largest under any condition, rad, shape (n,)."""
+    return np.asarray(np.abs(_quantity(history, name, amplitudes)).max(axis=1))
