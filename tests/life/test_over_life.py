@@ -60,7 +60,7 @@ def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     )  # fmt: skip
     course = Course("linear", 0.0, 500.0)
     fit = SimpleNamespace(
-        terms=(Term(0, course),), sizes=(np.array([size / 2]),), covariance=(np.array([[(size / 200) ** 2]]),)
+        terms=(Term(0, course),), sizes=(np.array([size / 2]),), covariance=(np.array([[(size / 20) ** 2]]),)
     )
     search = SimpleNamespace(
         unit=SimpleNamespace(history=history, influences=columns[None, :, None]),

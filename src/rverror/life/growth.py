@@ -144,6 +144,7 @@ _BENT = 0.3  # of how a cause bends, that the unit's own state leaves open
 _OPEN = (0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 4.0)  # shares of what an influence may miss
 _NONE = 0.01  # of a plausible size, which is none
 _REFITS, _MOVED = 4, 0.1  # of sizes whose causes are solved at the load, until they move by so many standard errors
+_RELATIVE = 0.1  # of a size: influences of states that fit alike are off by that from those of the unit, see the page
 _NEARLY = 0.05  # of sizes, by which they differ from those that were solved at the load
 
 
@@ -195,7 +196,7 @@ class Fitted:
     sizes : tuple of ndarray
         Of each at the last session, core units.
     covariance : tuple of ndarray
-        Of the sizes of each.
+        Of the sizes of each, with what the state of the unit leaves open of its influence as a whole.
     score : float
         Minus twice the logarithm of the posterior over that of no cause.
     left : ndarray, shape (sessions, d)
@@ -478,7 +479,8 @@ class GrowthSearch:
         gain -= float(np.sum((sizes / prior) ** 2))
         gain -= float(np.linalg.slogdet(normal * prior * prior[:, None] + np.eye(len(at)))[1])
         cost = sum(t.course.cost + 2 * math.log(len(self.causes)) for t in chosen)
-        blocks = tuple(covariance[np.ix_(of == n, of == n)] for n in range(len(chosen)))
+        open_size = [_RELATIVE**2 * np.outer(some, some) for some in parts]
+        blocks = tuple(covariance[np.ix_(of == n, of == n)] + more for n, more in enumerate(open_size))
         total = (waves**2).sum(axis=1) @ missed + (bends**2).sum(axis=1) @ bent
         kept = {t.cause: nodes[t.cause] for t in chosen if t.cause in nodes}
         return Fitted(chosen, tuple(parts), blocks, cost - gain, left, total, kept)

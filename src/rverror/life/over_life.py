@@ -24,7 +24,6 @@ from rverror.model.effects import Model
 from rverror.runs.measurement import Run
 from rverror.tolerances.specification import Limit
 
-_RELATIVE = 0.1  # of a size: influences of states that fit alike are off by that from those of the unit, see the page
 _WAVES = 512  # angles of a turn
 _DRAWS = 200  # of what is known of the causes, for the time that remains
 _FURTHEST = 100.0  # times the time that was measured: beyond it nothing is predicted
@@ -153,17 +152,11 @@ def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str,
     """A parameter of a cause, over its possible courses."""
     sizes, rates = [], []
     for weight, one in ways:
-        size, error = float(one.sizes[number][k]), math.sqrt(_covariance(one, number)[k, k])
+        size, error = float(one.sizes[number][k]), math.sqrt(one.covariance[number][k, k])
         rate = one.terms[number].course.rate
         sizes.append((weight, size, error))
         rates.append((weight, rate * size, rate * error))
     return Grown(name, dimension, _mixed(sizes), _mixed(rates))
-
-
-def _covariance(found: Fitted, number: int) -> Array:
-    """Covariance of the sizes of a cause, with what the state of the unit leaves open of its influence as a whole."""
-    size = found.sizes[number]
-    return np.asarray(found.covariance[number] + _RELATIVE**2 * np.outer(size, size))
 
 
 def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
@@ -208,7 +201,7 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
         for number, column, options in zip(growing, columns, ways, strict=True):
             weights = np.array([weight for weight, _ in options])
             one = options[random.choice(len(options), p=weights / weights.sum())][1]
-            root = np.linalg.cholesky(_covariance(one, number))
+            root = np.linalg.cholesky(one.covariance[number])
             size = one.sizes[number] + root @ random.standard_normal(len(root))
             more = one.terms[number].course.grown(history.at[-1] + ahead) - 1.0
             change += more[:, None] * (column @ size)
