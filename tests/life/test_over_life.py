@@ -64,7 +64,7 @@ def test_time_that_remains_is_that_at_which_the_limit_is_passed() -> None:
     )
     search = SimpleNamespace(
         unit=SimpleNamespace(history=history, influences=columns[None, :, None]),
-        components=np.ones((1, 1)), places=(np.array([0]),), ways=lambda found, number: [(1.0, fit)],
+        components=np.ones((1, 1)), places=(np.array([0]),), ways=lambda found, number: (np.array([1.0]), [fit]),
     )  # fmt: skip
     made = course.grown(at)[:, None] * columns * size / 2
     made = made - made.mean(axis=0) + made.mean(axis=0)

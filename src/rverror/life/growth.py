@@ -554,14 +554,15 @@ class GrowthSearch:
         alike = [n for n in same if n != cause and self.causes[n].indices.keys() == places.keys()]
         return tuple(n for n in alike if all(at in places[name] for name, at in self.causes[n].indices.items()))
 
-    def ways(self, now: Fitted, number: int) -> list[tuple[float, Fitted]]:
-        """Courses of a cause, of jumps or of growths, with their probability, each with the set's fit."""
+    def ways(self, now: Fitted, number: int) -> tuple[Array, list[Fitted]]:
+        """Probabilities of the courses of a cause, of jumps or of growths, and the set's fit with each."""
         step = now.terms[number].course.kind == "step"
         found = self._over(now, number, [c for c in courses_of(self.at, fine=True) if (c.kind == "step") == step])
         scores = np.array([one.score for one in found])
         weights = np.exp(-0.5 * (scores - scores.min()))
         weights /= weights.sum()
-        return [(w, one) for w, one in zip(weights.tolist(), found, strict=True) if w > 1e-4]
+        likely = np.flatnonzero(weights > 1e-4)
+        return weights[likely], [found[at] for at in likely]
 
 
 def _shares(missed: Array, bent: Array, reach: Array, bent_reach: Array, left: Array) -> Array:

@@ -19,6 +19,7 @@ from rverror.life.result import Changed, Grown, Remaining, Trend
 from rverror.life.sessions import History, Session, history_of, sessions_of
 from rverror.life.unit_state import unit_state
 from rverror.lots.result import Interval
+from rverror.lots.shifts import ShiftSource
 from rverror.model.catalogue import source
 from rverror.model.effects import Model
 from rverror.runs.measurement import Run
@@ -132,14 +133,14 @@ def changes_found(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
     changed = []
     for number, term in enumerate(found.terms):
         others = search.fitted(found.terms[:number] + found.terms[number + 1 :], found)
-        ways = search.ways(found, number)
+        weights, ways = search.ways(found, number)
         cause, course = search.causes[term.cause], term.course
-        since = _mixed([(weight, one.terms[number].course.since, 0.0) for weight, one in ways])
+        since = _mixed(weights, np.array([one.terms[number].course.since for one in ways]), np.zeros(len(ways)))
         rivals = [search.causes[one.terms[-1].cause] for one in search.rivals(found, number, others)]
         changed.append(
             Changed(
                 cause.key, cause.indices, course.kind, course.since, since.low, since.high, course.settling,
-                tuple(_grown(ways, number, k, name, cause.dimension) for k, name in enumerate(cause.parameters)),
+                tuple(_grown(weights, ways, number, cause, k) for k in range(len(cause.parameters))),
                 source(cause.key).acts == "reading",
                 tuple(dict.fromkeys((o.key, tuple(o.indices.items())) for o in rivals if o.label != cause.label)),
                 others.score - found.score,
@@ -148,20 +149,17 @@ def changes_found(search: GrowthSearch, found: Fitted) -> tuple[Changed, ...]:
     return tuple(sorted(changed, key=lambda one: -one.evidence))
 
 
-def _grown(ways: Sequence[tuple[float, Fitted]], number: int, k: int, name: str, dimension: str) -> Grown:
+def _grown(weights: Array, ways: Sequence[Fitted], number: int, cause: ShiftSource, k: int) -> Grown:
     """A parameter of a cause, over its possible courses."""
-    sizes, rates = [], []
-    for weight, one in ways:
-        size, error = float(one.sizes[number][k]), math.sqrt(one.covariance[number][k, k])
-        rate = one.terms[number].course.rate
-        sizes.append((weight, size, error))
-        rates.append((weight, rate * size, rate * error))
-    return Grown(name, dimension, _mixed(sizes), _mixed(rates))
+    size = np.array([one.sizes[number][k] for one in ways])
+    error = np.sqrt([one.covariance[number][k, k] for one in ways])
+    rate = np.array([one.terms[number].course.rate for one in ways])
+    change, growth = _mixed(weights, size, error), _mixed(weights, rate * size, rate * error)
+    return Grown(cause.parameters[k], cause.dimension, change, growth)
 
 
-def _mixed(ways: Sequence[tuple[float, float, float]]) -> Interval:
+def _mixed(weight: Array, mean: Array, error: Array) -> Interval:
     """Mean and 95 % interval of a mixture of normal distributions: weight, mean, standard deviation of each."""
-    weight, mean, error = (np.array(column) for column in zip(*ways, strict=True))
     middle = float(weight @ mean)
     if not error.any():
         order = np.argsort(mean)
@@ -198,9 +196,8 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
     left = []
     for _ in range(_DRAWS):
         change = np.zeros((len(ahead), history.amplitudes.values.shape[1]))
-        for number, column, options in zip(growing, columns, ways, strict=True):
-            weights = np.array([weight for weight, _ in options])
-            one = options[random.choice(len(options), p=weights / weights.sum())][1]
+        for number, column, (weights, options) in zip(growing, columns, ways, strict=True):
+            one = options[random.choice(len(options), p=weights / weights.sum())]
             root = np.linalg.cholesky(one.covariance[number])
             size = one.sizes[number] + root @ random.standard_normal(len(root))
             more = one.terms[number].course.grown(history.at[-1] + ahead) - 1.0
