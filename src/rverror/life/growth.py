@@ -560,9 +560,8 @@ class GrowthSearch:
         found = self._over(now, number, [c for c in courses_of(self.at, fine=True) if (c.kind == "step") == step])
         scores = np.array([one.score for one in found])
         weights = np.exp(-0.5 * (scores - scores.min()))
-        weights /= weights.sum()
-        likely = np.flatnonzero(weights > 1e-4)
-        return weights[likely], [found[at] for at in likely]
+        likely = np.flatnonzero(weights > 1e-4 * weights.sum())
+        return weights[likely] / weights[likely].sum(), [found[at] for at in likely]
 
 
 def _shares(missed: Array, bent: Array, reach: Array, bent_reach: Array, left: Array) -> Array:

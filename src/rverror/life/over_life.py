@@ -197,7 +197,7 @@ def remaining(search: GrowthSearch, found: Fitted, made: Array, limit: Limit) ->
     for _ in range(_DRAWS):
         change = np.zeros((len(ahead), history.amplitudes.values.shape[1]))
         for number, column, (weights, options) in zip(growing, columns, ways, strict=True):
-            one = options[random.choice(len(options), p=weights / weights.sum())]
+            one = options[random.choice(len(options), p=weights)]
             root = np.linalg.cholesky(one.covariance[number])
             size = one.sizes[number] + root @ random.standard_normal(len(root))
             more = one.terms[number].course.grown(history.at[-1] + ahead) - 1.0

@@ -54,14 +54,18 @@ class Process:
     @property
     def label(self) -> str:
         """Its name for people."""
-        named = describe(self.key, self.indices)
-        few = len(self.parameters) < len(source(self.key).parameters)
-        return f"{named} {', '.join(p.name for p in self.parameters)}" if few else named
+        return label_of(self.key, self.indices, [p.name for p in self.parameters])
 
     @property
     def plausible(self) -> float:
         """Standard deviation of a workshop, core unit: a third of the largest size that surprises no one."""
         return self.parameters[0].plausible / 3
+
+
+def label_of(key: str, indices: Mapping[str, IndexValue], parameters: Sequence[str]) -> str:
+    """Source and place, with its parameters where not all of the source's are meant."""
+    named = describe(key, indices)
+    return f"{named} {', '.join(parameters)}" if len(parameters) < len(source(key).parameters) else named
 
 
 @dataclass(frozen=True)

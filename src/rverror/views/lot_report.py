@@ -15,9 +15,9 @@ from rverror.base.units import DISPLAY_UNITS, to_display
 from rverror.diagnosis.result import Estimate
 from rverror.geartrain.source import IndexValue
 from rverror.lots.of_drives import DriveLot
+from rverror.lots.processes import label_of
 from rverror.lots.result import Lot, MadeBy, Shift
 from rverror.matching.result import Matched, MountedPart
-from rverror.model.catalogue import source
 from rverror.views.blocks import some_of
 from rverror.views.describing import described, entries
 from rverror.views.diagnosis_report import added_json
@@ -32,10 +32,8 @@ _LACKING = 0.001  # chance below which the model lacks something
 
 
 def process_name(one: MadeBy) -> str:
-    """Process, with its parameters where not all of the source's are meant."""
-    named = describe(one.key, one.indices)
-    few = len(one.parameters) < len(source(one.key).parameters)
-    return f"{named} {', '.join(one.parameters)}" if few else named
+    """Its name for people, as `Process.label`."""
+    return label_of(one.key, one.indices, one.parameters)
 
 
 def _with_causes(found: Sequence[Any]) -> list[tuple[Any, Shift]]:
