@@ -50,8 +50,9 @@ def _speeds(options: argparse.Namespace) -> None:
     """Output error against input speed, by order, and critical speeds.
 
     Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
-    frequency. Orders are per output turn, up to half the number of angles computed per turn (2048 for an RV-40E).
-    Higher orders alias: multiples 3120, 4680 and 6240 of an RV-40E's cycloid mesh order appear at 976, 584 and 1952.
+    frequency. Orders are per output turn. The highest is half the number of angles per turn: 2048 of 4096 for an
+    RV-40E. Higher orders alias: 2, 3 and 4 times the cycloid mesh order 1560 of an RV-40E, that is 3120, 4680 and 6240,
+    appear at 976, 584 and 1952.
     """
     if not 0 <= options.first < options.last:
         given = "--from {first!r} --to {last!r}".format(**options.as_written)

@@ -53,7 +53,8 @@ def _match(options: argparse.Namespace) -> None:
     """Which measured parts to combine so that the most units meet limits.
 
     Chooses from stocks of measured parts which to combine and in which position, so that as many units as possible
-    meet their limits, and compares that with parts taken at random. Files of parts: see docs/measured-parts.md.
+    meet their limits under load, and compares that with parts taken at random. Files of parts: see
+    docs/measured-parts.md.
     """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):
         raise InputError("no limit; give --limit '60 arcsec', --lost-motion or --backlash")

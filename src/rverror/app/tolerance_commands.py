@@ -64,7 +64,7 @@ def _limit(quantity: str, example: str, what: str) -> Option:
 
 
 _LIMITS = {
-    **limit_options("; with --arm no default; with --speed a single torque"),
+    **limit_options("; with --arm no default; with --speed one torque, the load in motion (default: rated)"),
     "--stiffness": _limit(
         "stiffness",
         "100 N*m/arcmin",
@@ -104,8 +104,8 @@ def _budget(options: argparse.Namespace) -> None:
     """Distribution of the error that tolerances cause, and yield.
 
     Computes the output error that part tolerances cause: the contribution of each and, in closed form, the peak-to-peak
-    of many virtual units. With --at, --arm, --lost-motion, --backlash or --stiffness, but not with --limit alone, it
-    also computes units under load, and how many stay within the limits.
+    of many virtual units and, with --limit, their yield. With --arm, --lost-motion, --backlash, --stiffness or (without
+    --speed) --at it also computes units under load, and how many of these stay within the limits.
     """
     model, tolerances = _read(options)
     if options.speed is not None:

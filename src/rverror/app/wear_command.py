@@ -41,9 +41,9 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation in all, shared by the phases", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient, the same for {', '.join(BODIES)}, or for one: 'pin=2e-10 mm^3/(N*m)'; or the "
-            f"clearance that {', '.join(JOINTS[:-1])} or {JOINTS[-1]} gains per unit load and crank turn (default 0): "
-            "'spline=1e-8 um/kN'. Repeat it for more",
+            f"Archard's wear coefficient, the same for {', '.join(BODIES)}, or for one: 'pin=2e-10 mm^3/(N*m)'. A "
+            f"bearing or spline ({', '.join(JOINTS)}) wears only if you give the clearance that it gains per unit "
+            "load and crank turn: 'spline=1e-8 um/kN'. Repeat the option for more",
             action="append",
             required=True,
         ),
