@@ -386,23 +386,29 @@ def test_a_lot_forward_and_reverse_is_told_to_its_end(both_ways: list[LotUnit]) 
     assert found.means
 
 
+def without_estimate(matching: MomentMatching, state: State, **_: object) -> LotEstimate:
+    """The state at which an estimate begins, by ten units: for what follows from any estimate."""
+    draws = matching.simulator.draws(state, matching.standard[:10])
+    known, weight = np.eye(len(state.deviation) + len(state.compliance)), np.eye(draws.values.shape[1])
+    return LotEstimate(state, 1e-12 * known, 1.0, 1, draws, draws.influence, weight)
+
+
 def test_units_are_asked_for_their_own_equilibrium_once_the_estimate_is_not_repeated(
     both_ways: list[LotUnit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A first estimate that fits is the only one; a poor one is repeated, and asked for nothing before."""
-    steps, told = list[str](), list[LotEstimate]()
+    steps = list[str]()
 
-    def estimate(self: MomentMatching, state: State, *, again: bool = False) -> LotEstimate:
+    def estimate(self: MomentMatching, state: State, **_: object) -> LotEstimate:
         steps.append("estimated")
-        told[:] = told or [whole(self, state, again=again)]  # takes most of the time
-        return told[0]
+        return without_estimate(self, state)
 
     def outsiders(*_: object, level: float) -> tuple[Outsider, ...]:
         steps.append("asked")
         return ()
 
-    whole = MomentMatching.estimate
     monkeypatch.setattr(MomentMatching, "estimate", estimate)
+    monkeypatch.setattr("rverror.lots.made.outsiders", lambda *_, **__: ())
     monkeypatch.setattr(OwnEquilibrium, "outsiders", outsiders)
     for poor, expected in ((False, ["estimated", "asked"]), (True, ["estimated", "estimated", "asked"])):
         steps.clear()
@@ -490,7 +496,9 @@ def test_an_estimate_is_not_renewed_for_a_unit_that_changes_sides(monkeypatch: p
         change = Change(first, (first, first), "step", 1e-3, cause)
         return ((change, ShiftEffect(np.zeros(1), np.zeros((4, values.shape[1])))),)
 
+    monkeypatch.setattr(MomentMatching, "estimate", without_estimate)
     monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_, level: ())
+    monkeypatch.setattr("rverror.lots.made.outsiders", lambda *_, **__: ())
     monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
     found = lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
     assert (found.changes[0].since, list(since)) == ("032", ["031"])
@@ -507,12 +515,7 @@ def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_d
         seen.append(shifted)
         raise InputError("no more is needed")
 
-    def estimate(matching: MomentMatching, state: State, **_: object) -> LotEstimate:
-        draws = matching.simulator.draws(state, matching.standard[:10])
-        known, weight = np.eye(len(state.deviation) + len(state.compliance)), np.eye(draws.values.shape[1])
-        return LotEstimate(state, 1e-12 * known, 1.0, 1, draws, draws.influence, weight)
-
-    monkeypatch.setattr(MomentMatching, "estimate", estimate)
+    monkeypatch.setattr(MomentMatching, "estimate", without_estimate)
     monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
     with pytest.raises(InputError, match="no more"):
         lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
