@@ -517,6 +517,10 @@ def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_d
 
     monkeypatch.setattr(MomentMatching, "estimate", without_estimate)
     monkeypatch.setattr("rverror.lots.made.changes_over_serial", changes_over_serial)
+
+    def refused(*_: object) -> Array:
+        raise NotConvergedError("no equilibrium")
+
     with pytest.raises(InputError, match="no more"):
         lot(MODEL, made(9, 42, SPREAD, 1.0), tolerances=TOLERANCES)
     unknown = []
@@ -534,6 +538,9 @@ def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_d
             rows = seen[-1].uncertainty(one, np.array([size]))
             assert len(rows) == count
             unknown.append(rows.T @ rows)
+    far = ShiftSource("crank.eccentricity", {"disc": 0, "crank": 1}, ("radial",), "length", np.empty((0, 1)))
+    monkeypatch.setattr(Simulator, "mean_change", refused)
+    assert seen[-1].uncertainty(far, np.array([1.0])).shape == (0, len(unknown[0]))
     assert np.trace(unknown[0]) > 1e-2
     np.testing.assert_allclose(unknown[2], unknown[0], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(unknown[1::2], 0.0, atol=1e-12)
@@ -572,6 +579,8 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     jammed = some.shift_effects(state, standard, np.array([1e3 * large, large]), many)
     np.testing.assert_allclose(jammed[0], [1e3 * many @ large, -1e3 * many @ large])
     np.testing.assert_array_equal(jammed[1], found[1])
+    with pytest.raises(NotConvergedError, match="none of 3 units has an equilibrium with the shift"):
+        some.mean_change(state, standard, 1e3 * large)
     with pytest.raises(NotConvergedError, match="none of 3 units has an equilibrium"):
         some.values(state, standard + 1e3 * large / state.deviation[some.parts.process])
 

@@ -227,13 +227,16 @@ class _ShiftedUnits:
         return np.asarray(np.linalg.inv(self.estimate.weight))
 
     def uncertainty(self, source: ShiftSource, sizes: Array) -> Array:
-        """What the estimate's errors do to the mean change by a shift, as rows R with the covariance R'R, (k, d)."""
+        """What the estimate's errors do to the mean change by a shift, as rows R with the covariance R'R, (k, d); none
+        where units of some state have no equilibrium with it."""
         simulator, rng = self.matching.simulator, np.random.default_rng(self.seed + 4)
         standard = rng.standard_normal((_UNCERTAIN[1], len(simulator.parts.process)))
         shift = _shift(simulator.parts, source, sizes)
         states = [self.estimate.state, *self.estimate.states_within(_UNCERTAIN[0], rng)]
-        own, *others = (simulator.mean_change(state, standard, shift) for state in states)
-        return (np.array(others) - own) / math.sqrt(len(others))
+        with suppress(NotConvergedError):
+            own, *others = (simulator.mean_change(state, standard, shift) for state in states)
+            return (np.array(others) - own) / math.sqrt(len(others))
+        return np.empty((0, len(self.estimate.weight)))
 
 
 def _shift(parts: UnitParts, source: ShiftSource, sizes: Array) -> Array:

@@ -242,15 +242,17 @@ class Simulator:
 
     def mean_change(self, state: State, standard: Array, shift: Array) -> Array:
         """What a shift of the parts changes of units' whitened amplitudes, in the mean of those that have an
-        equilibrium, shape (d,)."""
+        equilibrium, shape (d,); `NotConvergedError` if none has one."""
         turns = self._loaded(state.compliance)
 
         def solve(errors: Array) -> Array:
             moved = np.maximum(errors + shift, self.parts.least)
             return self._waves(turns, [moved]) - self._waves(turns, [errors])
 
-        waves = np.mean(each_solved(solve, list(self.errors(state, standard))), axis=0)
-        return np.asarray(self.amplitudes.of_waves(waves).ravel() * self.scale)
+        found = each_solved(solve, list(self.errors(state, standard)))
+        if not found:
+            raise NotConvergedError(f"none of {len(standard)} units has an equilibrium with the shift")
+        return np.asarray(self.amplitudes.of_waves(np.mean(found, axis=0)).ravel() * self.scale)
 
     @staticmethod
     def _waves(turns: Sequence[LoadedTurn], units: Iterable[Array]) -> Array:
