@@ -118,6 +118,14 @@ def test_cause_course_and_size_are_found(at: int, kind: str) -> None:
     assert found.measuring == (at == ENCODER)
 
 
+def test_probabilities_of_the_courses_that_are_kept_sum_to_one() -> None:
+    """Those of less than one in 10,000 are left out, and there are some."""
+    searched = search(linear(grown(CAM, np.maximum(AT - 210, 0) / 430, 0.1 * parts().plausible[CAM])) + noise(2))
+    weights, ways = searched.ways(searched.found(), 0)
+    assert len(weights) == len(ways)
+    assert weights.sum() == pytest.approx(1.0, rel=1e-12)
+
+
 def test_two_causes_are_told_apart_and_a_response_that_saturates_is_followed() -> None:
     """A response that ends at 4 um is that of a growth that settles as well; the part is the same."""
     changes = grown(CAM, AT / 640, 9 * UM) + grown(PLANET, np.where(AT >= 300, 1.0, 0.0), 3.5 * UM)

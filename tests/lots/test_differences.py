@@ -86,8 +86,8 @@ def machines(seed: int) -> dict[str, tuple[str, ...]]:
     }
 
 
-def test_what_an_estimate_leaves_unknown_of_a_shift_is_marginal_in_its_size_and_its_beginning() -> None:
-    """Units stacked in one vector, with the covariance of all of them: the same deviance of every size and course."""
+def test_what_an_estimate_leaves_unknown_of_a_shift_is_fitted_with_its_size_and_its_beginning() -> None:
+    """Units stacked in one vector, with the covariance of all of them: the same squares of every size and course."""
     rng, d, units = np.random.default_rng(3), 5, 14
     own = np.linalg.inv(np.cov(rng.standard_normal((d, 40))))
     unknown = 0.4 * rng.standard_normal((3, d))

@@ -538,9 +538,11 @@ def test_what_the_estimate_leaves_unknown_of_a_shift_is_as_large_as_its_states_d
             rows = seen[-1].uncertainty(one, np.array([size]))
             assert len(rows) == count
             unknown.append(rows.T @ rows)
-    far = ShiftSource("crank.eccentricity", {"disc": 0, "crank": 1}, ("radial",), "length", np.empty((0, 1)))
+    changes = iter([1.0, 5.0, 5.0, 5.0, 5.0])  # of the estimate's state, and of four within its errors
+    monkeypatch.setattr(Simulator, "mean_change", lambda *_: np.full(len(unknown[0]), next(changes)))
+    np.testing.assert_allclose(seen[-1].uncertainty(one, np.array([size])), (5.0 - 1.0) / math.sqrt(4))
     monkeypatch.setattr(Simulator, "mean_change", refused)
-    assert seen[-1].uncertainty(far, np.array([1.0])).shape == (0, len(unknown[0]))
+    assert seen[-1].uncertainty(one, np.array([size])).shape == (0, len(unknown[0]))
     assert np.trace(unknown[0]) > 1e-2
     np.testing.assert_allclose(unknown[2], unknown[0], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(unknown[1::2], 0.0, atol=1e-12)

@@ -375,7 +375,7 @@ class _Courses:
     unknown: Array
 
     def chi_squares(self, effect: ShiftEffect) -> Array:
-        """Of multiples of an effect with each course, whatever is unknown of it, shape (courses, times)."""
+        """Of multiples of an effect with each course and the likeliest of what is unknown of it, (courses, times)."""
         pressed, lines = self.weight @ effect.powers.T, self.weight @ self.unknown.T
         along = np.einsum("pcu,up->cp", self.shares, self.values @ pressed)
         gram = np.einsum("pcu,qcu->cpq", self.shares, self.shares)
