@@ -494,7 +494,7 @@ def test_an_estimate_is_not_renewed_for_a_unit_that_changes_sides(monkeypatch: p
     ) -> tuple[tuple[Change, ShiftEffect], ...]:
         first = next(since)
         change = Change(first, (first, first), "step", 1e-3, cause)
-        return ((change, ShiftEffect(np.zeros(1), np.zeros((4, values.shape[1])))),)
+        return ((change, ShiftEffect(np.zeros(1), np.zeros((4, values.shape[1])), np.empty((0, 4, values.shape[1])))),)
 
     monkeypatch.setattr(MomentMatching, "estimate", without_estimate)
     monkeypatch.setattr(OwnEquilibrium, "outsiders", lambda *_, level: ())
@@ -560,7 +560,7 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     many = 1.1 * solved.influence
     found = some.shift_effects(state, standard, np.array([small, large]), many)
     own = some.shift_effects(state, standard, np.array([small, large]), solved.influence)
-    for sign, effect in zip((1.0, -1.0), own[1], strict=True):
+    for sign, effect in zip((1.0, -1.0), own.mean(axis=0)[1], strict=True):
         moved = [some.linearised(row + sign * large, np.zeros(len(SOFTENING)))[0] for row in errors]
         expected = np.mean(moved, axis=0) - solved.values.mean(axis=0)
         np.testing.assert_allclose(effect, expected, atol=1e-5 * np.abs(expected).max())
@@ -568,8 +568,8 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_allclose(
             some.mean_change(state, standard, sign * large), expected, atol=1e-5 * np.abs(expected).max()
         )
-    for sign, effect in zip((1.0, -1.0), found[0], strict=True):
-        np.testing.assert_allclose(effect, sign * many @ small, atol=1e-3 * np.abs(many @ small).max())
+    for sign, effect in zip((1.0, -1.0), np.swapaxes(found[:, 0], 0, 1), strict=True):  # each unit's
+        np.testing.assert_allclose(effect, [sign * many @ small] * 3, atol=1e-3 * np.abs(many @ small).max())
     state_of = LoadedTurn.state
 
     def jams(self: LoadedTurn, given: Array, **how: Any) -> Any:
@@ -579,8 +579,8 @@ def test_what_a_shift_does_in_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(LoadedTurn, "state", jams)
     jammed = some.shift_effects(state, standard, np.array([1e3 * large, large]), many)
-    np.testing.assert_allclose(jammed[0], [1e3 * many @ large, -1e3 * many @ large])
-    np.testing.assert_array_equal(jammed[1], found[1])
+    np.testing.assert_allclose(jammed[:, 0], [[1e3 * many @ large, -1e3 * many @ large]] * 3)
+    np.testing.assert_array_equal(jammed[:, 1], found[:, 1])
     with pytest.raises(NotConvergedError, match="none of 3 units has an equilibrium with the shift"):
         some.mean_change(state, standard, 1e3 * large)
     with pytest.raises(NotConvergedError, match="none of 3 units has an equilibrium"):

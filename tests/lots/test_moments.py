@@ -146,7 +146,7 @@ class Linear:
         self.known = covariance
 
     def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], _: int) -> Array:
-        return np.array([[one.columns @ size, -one.columns @ size] for one, size in zip(sources, sizes, strict=True)])
+        return np.array([[[one.columns @ size, -one.columns @ size] for one, size in zip(sources, sizes, strict=True)]])
 
     def covariance(self, *_: object) -> Array:
         return self.known

@@ -213,7 +213,7 @@ class _ShiftedUnits:
     seed: int
 
     def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
-        """What each shift and its opposite do to the amplitudes, in the mean of so many units, (sources, 2, d)."""
+        """What each shift and its opposite do to the amplitudes of so many units, (units, sources, 2, d)."""
         simulator, state = self.matching.simulator, self.estimate.state
         standard = np.random.default_rng(self.seed + 3).standard_normal((units, len(simulator.parts.process)))
         shifts = np.array([_shift(simulator.parts, one, some) for one, some in zip(sources, sizes, strict=True)])

@@ -5,6 +5,7 @@ Page ``theory/lots.md``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -31,8 +32,8 @@ RIVAL = 9.2  # = -2 ln 0.01: what is a hundred times less likely is no rival
 # units in which candidates are solved, and how many of them, the likeliest; the last ones at half their size too, which
 # asks for more units; and anew where the size has changed by so much since
 _SOLVED, _CHANGED = ((8, None), (50, 16), (200, 4), (200, 4)), 0.1
-# units in which the one that is told is sized: noise in what a shift does, a regressor, took 5 % off sizes with 200
-_SIZED = 400
+_SIZED = 400  # units in which the one that is told is sized: a lot rarely has as many with the shift
+_NOISE = 0.5  # share of an effect's square that is taken off as noise at most: a square of noise alone has none left
 _LARGEST = 3.0  # plausible sizes at which a source is solved at most: influences may ask for metres
 _ORDERS = np.arange(1, 5)  # powers of a share that solved shares tell: its own, half of it, and their opposites
 _TIMES = np.linspace(-3.0, 3.0, 2401)  # of the size at which a source was solved: a lot shows no shift to 1/400
@@ -162,10 +163,13 @@ class ShiftEffect(NamedTuple):
         Of the shift, core units.
     powers : ndarray, shape (4, d)
         Changes with the first power of a share and the next ones.
+    errors : ndarray, shape (units, 4, d)
+        What each unit in which it was solved adds to the errors of these means: sums of products are their covariance.
     """
 
     sizes: Array
     powers: Array
+    errors: Array
 
     def of(self, share: Array) -> Array:
         """What shares of it do, shape (n,) to (n, d)."""
@@ -173,14 +177,20 @@ class ShiftEffect(NamedTuple):
 
     def times(self, factor: float) -> ShiftEffect:
         """That of a shift so many times as large."""
-        return ShiftEffect(factor * self.sizes, (factor**_ORDERS)[:, None] * self.powers)
+        powers = (factor**_ORDERS)[:, None]
+        return ShiftEffect(factor * self.sizes, powers * self.powers, powers * self.errors)
+
+    def noise(self, weight: Array) -> float:
+        """Share of its square m'Wm that comes from the scatter of the units in which it was solved; half at most."""
+        errors, mean = self.errors.sum(axis=1), self.powers.sum(axis=0)
+        return min(float(np.sum((errors @ weight) * errors)) / max(float(mean @ weight @ mean), 1e-300), _NOISE)
 
 
 class ShiftedUnits(Protocol):
     """Units solved with shifts of their parts."""
 
     def effects(self, sources: Sequence[ShiftSource], sizes: Sequence[Array], units: int) -> Array:
-        """What each shift and its opposite do to the amplitudes, in the mean of so many units, (sources, 2, d)."""
+        """What each shift and its opposite do to the amplitudes of so many units, (units, sources, 2, d)."""
 
     def covariance(self, source: ShiftSource, sizes: Array) -> Array:
         """Covariance of the amplitudes of a unit with a shift, shape (d, d)."""
@@ -255,10 +265,11 @@ class Fits:
         single = max(own, key=lambda number: (-self.freedom[number], chi[number]))
         return whole if chi[whole] - chi[single] >= _VECTOR * misfit else single
 
-    def rivals(self, chi: Array, best: int, misfit: float = 1.0) -> tuple[str, ...]:
+    def rivals(self, chi: Array, best: int, misfit: float = 1.0, errors: Array | None = None) -> tuple[str, ...]:
         """Other parts that do it nearly as well, the nearest first, and all mirror images; more where the best leaves
-        a misfit itself."""
-        near = {best, *np.flatnonzero(chi > chi[best] - RIVAL * misfit).tolist()}
+        a misfit itself, or chi-squares have standard errors."""
+        unsure = 0.0 if errors is None else 1.96 * np.hypot(errors, errors[best])
+        near = {best, *np.flatnonzero(chi + unsure > chi[best] - RIVAL * misfit).tolist()}
         near = near.union(*map(self._mirrored, near))
         rivals = [n for n in np.argsort(-chi).tolist() if n in near and not self._same(n, best)]
         return tuple(dict.fromkeys(self.candidates[n].label for n in rivals))
@@ -349,6 +360,7 @@ class _Ranking(NamedTuple):
 
     effects: list[ShiftEffect]
     likely: Array  # chi-square of each less what its prior takes off
+    errors: Array  # standard errors of these by the units in which they were solved
     best: int
     misfit: float  # that the best leaves
 
@@ -375,7 +387,10 @@ class _Courses:
     unknown: Array
 
     def chi_squares(self, effect: ShiftEffect) -> Array:
-        """Of multiples of an effect with each course and the likeliest of what is unknown of it, (courses, times)."""
+        """Of multiples of an effect with each course and the likeliest of what is unknown of it, (courses, times).
+
+        Of its square what the scatter of the units adds, in which it was solved, is taken off.
+        """
         pressed, lines = self.weight @ effect.powers.T, self.weight @ self.unknown.T
         along = np.einsum("pcu,up->cp", self.shares, self.values @ pressed)
         gram = np.einsum("pcu,qcu->cpq", self.shares, self.shares)
@@ -384,7 +399,7 @@ class _Courses:
         shared = gram[:, 0, :, None] * (effect.powers @ lines)
         known = np.linalg.inv(np.eye(len(self.unknown)) + gram[:, 0, :1, None] * (self.unknown @ lines))
         along -= np.einsum("cpi,cij,cj->cp", shared, known, seen)
-        own -= np.einsum("cpi,cij,cqj->cpq", shared, known, shared)
+        own = (own - np.einsum("cpi,cij,cqj->cpq", shared, known, shared)) * (1 - effect.noise(self.weight))
         alone = np.einsum("ci,cij,cj->c", seen, known, seen)
         return np.asarray(alone[:, None] + 2 * along @ _POWERS - np.einsum("cpt,pt->ct", own @ _POWERS, _POWERS))
 
@@ -409,22 +424,30 @@ class _Courses:
         chi = fits.chi_squares(contrast @ fits.basis)
         linear = [contrast @ sizing / size for sizing in fits.sizing]
         pairs = zip(linear, fits.candidates, strict=True)
-        effects = [ShiftEffect(sizes, np.outer(_ORDERS == 1, one.columns @ sizes)) for sizes, one in pairs]
+        exact = np.empty((0, len(_ORDERS), len(self.weight)))
+        effects = [ShiftEffect(sizes, np.outer(_ORDERS == 1, one.columns @ sizes), exact) for sizes, one in pairs]
         only = replace(self, shares=self.shares[:, [course]])
         for number, effect in solved.items():
             of_times = only.chi_squares(effect)[0]
             chi[number], effects[number] = of_times.max(), effect.times(_TIMES[of_times.argmax()])
-        sizes = [one.sizes for one in effects]
+        sizes, errors = [one.sizes for one in effects], np.array([self.error(course, one) for one in effects])
         first = fits.best(fits.likely(chi, sizes))
         beyond = self.misfit(course, effects[first], int(fits.freedom[first]))
         likely = fits.likely(chi, sizes, beyond)
-        return _Ranking(effects, likely, fits.best(likely, beyond), beyond)
+        return _Ranking(effects, likely, errors, fits.best(likely, beyond), beyond)
 
     def misfit(self, course: int, effect: ShiftEffect, freedom: int) -> float:
         """What an effect leaves of the contrast of a course, as `misfit` has it."""
         share = self.shares[0, course]
         left = share @ self.values - self.shares[:, course] @ share @ effect.powers
         return misfit(left / np.linalg.norm(share) @ np.linalg.cholesky(self.whole_weight(course)), freedom)
+
+    def error(self, course: int, effect: ShiftEffect) -> float:
+        """Standard error of an effect's chi-square with a course, by the units in which it was solved."""
+        share = self.shares[0, course]
+        given = self.shares[:, course] @ share
+        left = share @ self.values - given @ effect.powers
+        return 2 * float(np.linalg.norm(given @ effect.errors @ self.weight @ left)) / float(share @ share)
 
 
 def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: ShiftedUnits, at: int = 0) -> Cause:
@@ -477,7 +500,7 @@ def explained(fits: Fits, courses: Array, values: Array, weight: Array, units: S
         for _ in range(2):  # what is best with one course may have another, and with that not be best
             at = int(np.argmax(of.chi_squares(found.effects[found.best]).max(axis=1)))
             found = of.ranked(at, solved)
-    one, rivals = fits.candidates[found.best], fits.rivals(found.likely, found.best, found.misfit)
+    one, rivals = fits.candidates[found.best], fits.rivals(found.likely, found.best, found.misfit, found.errors)
     size = _bounded(found.effects[found.best].sizes, one)
     (effect,) = _solved([one], [size], units, _SIZED, halves=True)
     of = replace(of, unknown=units.uncertainty(one, size))
@@ -499,10 +522,14 @@ def _solved(
 ) -> list[ShiftEffect]:
     """Effects of sources, solved with their sizes and the opposites in so many units, and with halves of both."""
     whole, *half = (units.effects(some, [times * one for one in sizes], count) for times in (1.0, 0.5)[: 1 + halves])
-    odd, even = ([(one[:, 0] + sign * one[:, 1]) / 2 for one in (whole, *half)] for sign in (-1, 1))
+    odd, even = ([(one[:, :, 0] + sign * one[:, :, 1]) / 2 for one in (whole, *half)] for sign in (-1, 1))
     third, fourth = (4 / 3 * (of[0] - times * of[-1]) * halves for of, times in ((odd, 2), (even, 4)))
-    powers = np.stack([odd[0] - third, even[0] - fourth, third, fourth], axis=1)
-    return [ShiftEffect(size, of) for size, of in zip(sizes, powers, strict=True)]
+    powers = np.stack([odd[0] - third, even[0] - fourth, third, fourth], axis=2)
+    means = powers.mean(axis=0)
+    errors = (powers - means) / math.sqrt(len(powers) * max(len(powers) - 1, 1))
+    return [
+        ShiftEffect(size, mean, own) for size, mean, own in zip(sizes, means, np.moveaxis(errors, 1, 0), strict=True)
+    ]
 
 
 def _bounded(sizes: Array, one: ShiftSource) -> Array:

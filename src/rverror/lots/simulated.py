@@ -198,10 +198,10 @@ class Simulator:
         return np.moveaxis(values.reshape(len(waves), -1, 3, len(self.scale)), 0, 2)
 
     def shift_effects(self, state: State, standard: Array, shifts: Array, influence: Array) -> Array:
-        """What shifts of the parts and their opposites change of units' whitened amplitudes, in the mean.
+        """What shifts of the parts and their opposites change of units' whitened amplitudes.
 
-        As far as a unit's own influences tell its change, the mean is that of as many units as the mean influences are
-        of (a control variate): of small shifts it is as exact as these, where contacts open they are no help.
+        As far as a unit's own influences tell its change, it is that of as many units as the mean influences are of (a
+        control variate): of small shifts the mean is as exact as these, where contacts open they are no help.
 
         Parameters
         ----------
@@ -214,8 +214,8 @@ class Simulator:
 
         Returns
         -------
-        ndarray, shape (shifts, 2, d)
-            Of units that have an equilibrium with the shift; as influences say where none has.
+        ndarray, shape (units, shifts, 2, d)
+            A unit without an equilibrium with a shift has the mean of the others; as influences say where none has one.
         """
         turns, both = self._loaded(state.compliance), np.stack([shifts, -shifts], axis=1)
         expected = both @ influence.T
@@ -238,7 +238,7 @@ class Simulator:
         means = changes.sum(axis=0) / counts, linear.sum(axis=0) / counts
         changes, linear = ((some - mean) * known for some, mean in zip((changes, linear), means, strict=True))
         alike = np.sum(changes * linear, axis=(0, -1)) / np.maximum(np.sum(linear**2, axis=(0, -1)), 1e-300)
-        return np.asarray(expected + means[0] - alike[..., None] * means[1])
+        return np.asarray(expected + changes + means[0] - alike[..., None] * (linear + means[1]))
 
     def mean_change(self, state: State, standard: Array, shift: Array) -> Array:
         """What a shift of the parts changes of units' whitened amplitudes, in the mean of those that have an
