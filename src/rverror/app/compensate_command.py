@@ -48,14 +48,14 @@ from rverror.views.report import to_text
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
             '"20 N*m"',
-            "output torque of the table (default: the runs' median); a json table holds all "
-            "measured torques and all given here",
+            "output torque of the table (default: the median of the runs' torques, or the next above it); "
+            "a json table holds all measured torques and all given here",
             size="torque",
             action="append",
         ),
         **MAPPING,
         **results(plot="the error before and after"),
-        **save("NEW.toml", "write the model with the table added as an effect, compensation.wave"),
+        **save("NEW.toml", "write the model with the table added as compensation.wave effects"),
         "--force": flag("replace a table that exists"),
     },
 )

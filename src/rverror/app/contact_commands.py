@@ -91,7 +91,7 @@ def _angles(count: int) -> dict[str, Any]:
 def _efficiency(options: argparse.Namespace) -> None:
     """Friction losses by part, and the input torque.
 
-    Computes the power lost to friction in pins, gear flanks and bearings, part by part, and the torque at the
+    Computes the friction losses in pins, gear flanks and bearings, part by part, and the torque at the
     input. The coefficients of friction come from [reducer.friction] of the model file.
     """
     theta = _turn(options)

@@ -51,11 +51,11 @@ from rverror.views.plots.figure import can_draw
         ),
         **results(plot="waveforms and the spectrum of the residual"),
         **save("NEW.toml", "write the declared model with the named causes added"),
-        "--jobs": number("threads that fit candidates (default: one for each core)", least=1),
+        "--jobs": number("threads that test causes (default: one for each core)", least=1),
     },
 )
 def _diagnose(options: argparse.Namespace) -> None:
-    """Find what a model lacks in measured runs.
+    """Find what a model lacks, from measured runs.
 
     Compares measured runs with a model and names the errors of parts and bench that the model lacks: their sizes with
     95 % intervals, other causes that the runs cannot rule out, and what is left of the error.
@@ -92,7 +92,7 @@ def _diagnose(options: argparse.Namespace) -> None:
         **output("FOLDER", "folder for UNIT.json of each unit and summary.csv", writes=False, required=True),
         "--model": option("MODEL.toml", "model of every unit that has no model.toml of its own"),
         **MAPPING,
-        "--pages --html": flag("also write UNIT.html of each, and summary.html with links, failed ones first"),
+        "--pages --html": flag("also write UNIT.html of each and summary.html with links, failed units first"),
         "--jobs": number("processes (default: one for each core)", least=1),
     },
 )

@@ -49,9 +49,9 @@ def _modes(options: argparse.Namespace) -> None:
 def _speeds(options: argparse.Namespace) -> None:
     """Output error against input speed, by order, and critical speeds.
 
-    Computes the output error against the input speed, by order, and the speeds at which an order meets a natural
-    frequency. Orders are per output turn. The highest is half the number of angles per turn: 2048 of 4096 for an
-    RV-40E. Higher orders alias: 2, 3 and 4 times the cycloid mesh order 1560 of an RV-40E, that is 3120, 4680 and 6240,
+    Computes the output error against the input speed, by order, and the critical speeds, where an order's amplitude
+    peaks. Orders are per output turn. The highest is half the angles per turn: for an RV-40E, 4096 / 2 =
+    2048. Higher orders alias: 2, 3 and 4 times the cycloid mesh order 1560 of an RV-40E, that is 3120, 4680 and 6240,
     appear at 976, 584 and 1952.
     """
     if not 0 <= options.first < options.last:

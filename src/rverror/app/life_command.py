@@ -26,13 +26,13 @@ _OUTPUTS = {**MAPPING, **results()}
     options={
         "runs": option(
             "FOLDER",
-            "runs of one unit, or folders of them, each with '# hours:', '# cycles:' or '# date:' in its header",
+            "runs of one unit, with '# hours:', '# cycles:' or '# date:' in their headers, or folders of them",
             nargs="+",
         ),
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
             '"lost motion 90 arcsec"',
-            "limit of the lost motion, or 'transmission error 60 arcsec': reports how long the unit will meet it",
+            "limit of the lost motion, or 'transmission error 60 arcsec'; finds how long the unit will meet it",
         ),
         **_OUTPUTS,
     },
@@ -40,8 +40,8 @@ _OUTPUTS = {**MAPPING, **results()}
 def _trend(options: argparse.Namespace) -> None:
     """What grows or jumps in a unit that is measured repeatedly.
 
-    Finds which part errors grow and which jumped in one unit, from runs taken at different times, and how long
-    the unit will meet a limit.
+    Finds which part errors of one unit grow or jump, from runs taken at different times, and how long the unit
+    will meet a limit.
     """
     wanted = _limit(options.limit)
     paths = _listed(options, options.runs)

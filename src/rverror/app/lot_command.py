@@ -64,7 +64,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
             "interruption, run it again to continue",
             writes=True,
         ),
-        "--jobs": number("processes that read runs (default: one for each core if there are many runs)", least=1),
+        "--jobs": number("processes that read runs (default: one for each core from 256 units on)", least=1),
         **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
         **results(),
         "--csv": option("OUT.csv", "write a row for each process", writes=True),

@@ -37,7 +37,7 @@ from rverror.views.report import to_csv
             "MAPPING.toml", "mapping file: which column is which error, as for `rverror parts`", reads=True
         ),
         **limit_options(),
-        "--turns": flag("discs may be assembled turned by one or more crank spacings, and a sun at any tooth"),
+        "--turns": flag("discs may be mounted rotated by one or more crank pitches, and a sun at any tooth"),
         "--cost": option(
             "matching=2.5",
             f"a way to assemble ({', '.join(WAYS)}: docs/theory/matching.md) and its cost per unit; repeat it for more",
@@ -53,7 +53,7 @@ def _match(options: argparse.Namespace) -> None:
     """Which measured parts to combine so that the most units meet limits.
 
     Chooses from stocks of measured parts which to combine and in which position, so that as many units as possible
-    meet their limits under load, and compares that with parts taken at random. Files of parts: see
+    meet limits under load, and compares yield with that of random assembly. Files of parts: see
     docs/measured-parts.md.
     """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):

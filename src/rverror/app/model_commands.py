@@ -114,12 +114,12 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
     return [*paths]
 
 
-@command(example="--json sources.json", options={"--json": option("OUT.json", "write it as JSON instead", writes=True)})
+@command(example="--json sources.json", options={"--json": option("OUT.json", "write JSON instead", writes=True)})
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 
     Lists all error sources that rverror knows: key, parameters, the part that each turns with ("fixed in"), and
-    its leading orders in an RV-40E.
+    leading orders in an RV-40E.
     """
     rows = [_source_json(entry) for entry in CATALOGUE.values()]
     if options.json:

@@ -36,7 +36,7 @@ def _parts(options: argparse.Namespace) -> None:
     """Errors of measured parts, from files of measuring machines.
 
     Reads the files of measuring machines and writes the errors of the parts, as a table of parts or as the model of
-    the unit built of them. A mapping (docs/measured-parts.md) says which column is which error; --draft begins one.
+    a unit built from them. A mapping (docs/measured-parts.md) says which column is which error; --draft begins one.
     """
     target, suffix = options.output or "", Path(options.output or "").suffix.lower()
     if options.draft:

@@ -32,7 +32,7 @@ _FILES = ("case.npz", "case.json")
 @command(
     example="--output cases --case one-cam",
     options={
-        **output("FOLDER", "where to write; each case has a folder in it", writes=False, required=True),
+        **output("FOLDER", "where to write, a folder for each case", writes=False, required=True),
         "--case": option("NAME", "one case (docs/test-your-tool.md); repeat it for more", action="append", default=[]),
     },
 )
@@ -78,7 +78,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     """Deviation of another tool's waveform from a reference case, by order.
 
-    Compares a waveform from another tool with a reference case and lists how far it is off, in total and by order.
+    Compares a waveform from another tool with a reference case and lists the difference, in total and by order.
     """
     case_file = Path(options.case) if options.case.endswith(".json") else Path(options.case) / "case.json"
     options.inputs[1:1] = [str(case_file), str(case_file.with_name("case.npz"))]

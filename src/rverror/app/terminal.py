@@ -132,7 +132,7 @@ def results(*, plot: str | None = None) -> dict[str, Option]:
 #: Options that several commands have, for their tables.
 MODEL: Mapping[str, Option] = {"model": option("MODEL.toml", "model file: the unit and its known errors", reads=True)}
 RUNS: Mapping[str, Option] = {
-    "runs": option("RUN.csv", "runs or order tables, a file for each direction and load", nargs="+", reads=True),
+    "runs": option("RUN.csv", "a run for each direction and load, or order tables", nargs="+", reads=True),
     "--validate": option(
         "FILE", "runs or order tables kept out of the fit, to test the result on", reads=True, nargs="+", default=[]
     ),
@@ -372,7 +372,7 @@ def arm(text: str) -> GravityArm:
 PHASES: Mapping[str, Option] = {
     "--phase": option(
         f'"{_PHASE}"',
-        "a phase of a repeated duty cycle, in place of one load: output torque, input speed, time; repeat for each one",
+        "phase of a repeated duty cycle, in place of a fixed load: output torque, input speed, time; repeat per phase",
         action="append",
     )
 }

@@ -48,8 +48,8 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = (
-        "output torques for the transmission error of units under load (default if such units are computed and --limit "
-        f"is given: rated torque and 20 N*m){beside}"
+        "output torques for the transmission error of units under load, if any are computed (default with --limit: "
+        f"rated torque and 20 N*m){beside}"
     )
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
@@ -103,8 +103,8 @@ def _inputs(*, plot: str) -> dict[str, Option]:
 def _budget(options: argparse.Namespace) -> None:
     """Distribution of the error that tolerances cause, and yield.
 
-    Computes the output error that part tolerances cause: the contribution of each and, in closed form, the peak-to-peak
-    of many virtual units and, with --limit, their yield. With --arm, --lost-motion, --backlash, --stiffness or (without
+    Computes the output error that part tolerances cause: their contributions and, in closed form, the peak-to-peak
+    (with --limit also the yield) of many virtual units. With --arm, --lost-motion, --backlash, --stiffness or (without
     --speed) --at it also computes units under load, and how many of these stay within the limits.
     """
     model, tolerances = _read(options)
@@ -149,8 +149,8 @@ def _budget(options: argparse.Namespace) -> None:
 def _allocate(options: argparse.Namespace) -> None:
     """The cheapest tolerances that keep units within limits.
 
-    Finds the cheapest tolerances that keep the output error, lost motion or stiffness of a given share of units
-    within limits, and verifies them on new virtual units.
+    Finds the cheapest tolerances that keep a given share of units within limits (error, lost motion, backlash,
+    stiffness), and verifies them on new virtual units.
     """
     model, tolerances = _read(options)
     if options.kind == "load" and (options.speed is not None or not isinstance(model.mechanism, Reducer)):

@@ -41,7 +41,7 @@ _ROUGHNESS = f"0.5 um, {_COEFFICIENT}"
         "--hours": option("N", "hours of operation in all, shared by the phases", required=True, type=float),
         "--coefficient": option(
             f'"{_COEFFICIENT}"',
-            f"Archard's wear coefficient, the same for {', '.join(BODIES)}, or for one: 'pin=2e-10 mm^3/(N*m)'. A "
+            f"Archard's wear coefficient of all bodies ({', '.join(BODIES)}) or of one: 'pin=2e-10 mm^3/(N*m)'. A "
             f"bearing or spline ({', '.join(JOINTS)}) wears only if you give the clearance that it gains per unit "
             "load and crank turn: 'spline=1e-8 um/kN'. Repeat the option for more",
             action="append",

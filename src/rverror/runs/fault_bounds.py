@@ -154,7 +154,7 @@ def repeats(theta: Array, size: Array, k: int) -> bool:
     """Whether half of it or more stands at the same angle in most other turns too."""
     turns = (theta - theta[k]) / (2 * math.pi)
     others = np.arange(math.ceil(turns.min()), math.floor(turns.max()) + 1)
-    order = np.argsort(turns, kind="stable") if turns[0] > turns[-1] else np.arange(turns.size)
+    order = np.argsort(turns, kind="stable")
     at = order[np.minimum(np.searchsorted(turns[order], others[others != 0]), turns.size - 1)]
     near = np.clip(at[:, None] + np.arange(-_JITTER, _JITTER + 1), 0, turns.size - 1)
     again = (size[near] * np.sign(size[k]) > 0.5 * abs(size[k])).any(axis=-1)
