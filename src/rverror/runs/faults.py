@@ -216,7 +216,6 @@ def find_faults(
     return found
 
 
-_TURN = 2 * math.pi
 # Counts below this, rad, do not show.
 _FINEST = 1e-3 * ARCSEC
 

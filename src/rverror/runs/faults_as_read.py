@@ -206,10 +206,6 @@ class Sides:
         normal[:, range(3), range(3)] += 1e-9  # several samples at one angle
         return np.asarray(np.linalg.inv(normal) @ powers, dtype=np.float64)
 
-    def inner(self, count: int) -> list[slice]:
-        """Samples that have neighbours on both sides of so many; those one further on, and so forth."""
-        return [slice(NEAR + j, self.size - NEAR - count + 1 + j) for j in range(count + 1)]
-
     def fitted(self, values: Array) -> tuple[Array, Array]:
         """Coefficients, shape (3, n) each: through the samples before k, through those from k on; 0 at the ends."""
         windows = np.lib.stride_tricks.sliding_window_view(values, NEAR)
@@ -240,7 +236,8 @@ def _bursts(sides: Sides, values: Array, clean: Array, floor: float) -> set[int]
     best = np.zeros(sides.size)
     rest = clean - values
     for length in range(1, BOUNDS.longest_burst + 1):
-        *burst, behind = sides.inner(length)  # its first samples, its second ones .., and those behind it
+        # its first samples, its second ones .., and those behind it: of bursts that have neighbours on both sides
+        *burst, behind = (slice(NEAR + j, sides.size - NEAR - length + 1 + j) for j in range(length + 1))
         first = burst[0]
         excess, by_before, by_after = np.empty((3, length, first.stop - first.start))
         cleaned = np.zeros(excess.shape[1])

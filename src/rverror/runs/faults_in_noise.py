@@ -97,9 +97,8 @@ def faults_in_noise(
         new += [(slips.score[k], k, False) for k in peaks(slips.score * (np.abs(slips.size) > floor), 1, BOUNDS.reach)]
         for score, k, single in sorted(new, reverse=True):
             # What is near a larger one waits until that is out; what comes once a turn is the gear's.
-            if any(abs(k - other) <= wait for other, wait in taken):
-                continue
-            if repeats(theta, (spikes if single else slips).size, k):
+            near = any(abs(k - other) <= wait for other, wait in taken)
+            if near or repeats(theta, (spikes if single else slips).size, k):
                 continue
             taken.append((k, _LAGS if single else BOUNDS.reach))
             if single:
@@ -109,8 +108,7 @@ def faults_in_noise(
                 continue
             doubtful = (slips.score * slips.threshold) ** 2 > (score * slips.threshold) ** 2 - _DOUBT
             first = k - int(np.argmin(np.append(doubtful[k::-1], False))) + 1
-            last = k + int(np.argmin(np.append(doubtful[k:], False)))
-            last = max(k, last - 1)
+            last = k + max(int(np.argmin(np.append(doubtful[k:], False))) - 1, 0)
             good[first:last] = False
             values[k:] -= slips.size[k]
             steps[k] = LevelStep(first, last, float(slips.size[k]), float(slips.spread[k]))
@@ -290,16 +288,14 @@ def _slip_scores(white: _Whitened, tests: int) -> _Scores:
 
     def after(values: Array) -> Array:
         """Sum of the step's product with values over its side."""
-        return _ahead(values * good, rise) + _between(
-            values * white.level, np.minimum(k + rise.size, n), np.minimum(k + reach, n)
-        )
+        return _ahead(values * good, rise) + _between(values * white.level, k + rise.size, k + reach)
 
-    own = _ahead(good, rise * rise) + _between(white.level**2, np.minimum(k + rise.size, n), np.minimum(k + reach, n))
+    own = _ahead(good, rise * rise) + _between(white.level**2, k + rise.size, k + reach)
     by_level, by_trend, by_value = after(white.level), after(white.trend), after(white.values)
     level, both = _near(white.level**2, reach), _near(white.level * white.trend, reach)
     trend = _near(white.trend**2, reach)
     value, slope = _near(white.level * white.values, reach), _near(white.trend * white.values, reach)
-    sides = np.minimum(_between(good, np.maximum(k - reach, 0), k), _between(good, k, np.minimum(k + reach, n)))
+    sides = np.minimum(_between(good, k - reach, k), _between(good, k, k + reach))
     with np.errstate(divide="ignore", invalid="ignore"):
         power, got = own - by_level**2 / level, by_value - by_level * value / level
         across, left = by_trend - by_level * both / level, trend - both**2 / level
@@ -323,12 +319,13 @@ def _ahead(values: Array, kernel: Array) -> Array:
 
 
 def _between(values: Array, first: Integers, last: Integers) -> Array:
-    """Sum of the values from one place to before another."""
+    """Sum of the values from one place to before another, of those that there are; 0 where that lies before it."""
     total = np.concatenate([[0.0], np.cumsum(values)])
-    return np.asarray(total[last] - total[np.minimum(first, last)], dtype=np.float64)
+    first, last = np.clip([np.minimum(first, last), last], 0, values.size)
+    return np.asarray(total[last] - total[first], dtype=np.float64)
 
 
 def _near(values: Array, reach: int) -> Array:
     """Sum of the values from `reach` before each place to before `reach` after it."""
     k = np.arange(values.size)
-    return _between(values, np.maximum(k - reach, 0), np.minimum(k + reach, values.size))
+    return _between(values, k - reach, k + reach)
