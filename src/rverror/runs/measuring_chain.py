@@ -192,18 +192,12 @@ def uncertainty_of(encoders: Encoders, ratio: float) -> BenchUncertainty | None:
     turns = abs(ratio)
     counts = encoders.output_counts or math.inf, encoders.input_counts or math.inf
     tilt = encoders.coupling_runout / (encoders.coupling_radius or math.inf)
-    listed = [
-        ("output encoder", encoders.output_encoder, "even", 1.0),
-        ("input encoder", encoders.input_encoder / turns, "even", turns),
-        ("coupling", tilt**2 / 4, "sine", 2.0),
-        ("output counts", math.pi / counts[0], "even", 1.0),
-        ("input counts", math.pi / counts[1] / turns, "even", turns),
-    ]
-    parts = [
-        UncertaintyPart(name=name, limit=limit, distribution=kind, order=order)
-        for name, limit, kind, order in listed
-        if limit
-    ]
-    if not parts:
-        return None
-    return BenchUncertainty(parts=tuple(sorted(parts, key=lambda one: -one.standard)))
+    listed = (
+        UncertaintyPart(name="output encoder", limit=encoders.output_encoder, distribution="even", order=1.0),
+        UncertaintyPart(name="input encoder", limit=encoders.input_encoder / turns, distribution="even", order=turns),
+        UncertaintyPart(name="coupling", limit=tilt**2 / 4, distribution="sine", order=2.0),
+        UncertaintyPart(name="output counts", limit=math.pi / counts[0], distribution="even", order=1.0),
+        UncertaintyPart(name="input counts", limit=math.pi / counts[1] / turns, distribution="even", order=turns),
+    )
+    parts = sorted((one for one in listed if one.limit), key=lambda one: -one.standard)
+    return BenchUncertainty(parts=tuple(parts)) if parts else None
