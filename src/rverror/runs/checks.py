@@ -10,7 +10,7 @@ import numpy as np
 from rverror.base.arrays import Array, Flags
 from rverror.base.numbers import count_of, way
 from rverror.geartrain.kinematics import motion_direction
-from rverror.runs.reading import Reading, check_needed, refuse
+from rverror.runs.reading import Reading, check_needed
 
 #: Fewest usable samples of a run.
 LEAST_SAMPLES = 16
@@ -55,7 +55,7 @@ def checked(reading: Reading, ratio: float | None) -> tuple[Reading, Array]:
         _check_time(reading, time, notes)
     for name in ("input_angle", "output_angle"):
         if name in columns:
-            columns[name] = _unwrapped(reading.path, name, columns[name], notes)
+            columns[name] = _unwrapped(reading, name, columns[name], notes)
     leading = "input_angle" if "input_angle" in columns else "output_angle"
     jumped = _note_counters(reading, columns, notes)
     if leading in jumped and "output_angle" not in jumped:
@@ -118,7 +118,7 @@ def _check_time(reading: Reading, time: Array, notes: list[str]) -> None:
         notes.append(f"{count_of(repeated.size, 'repeated time stamp')} {listed}")
 
 
-def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
+def _unwrapped(reading: Reading, name: str, angle: Array, notes: list[str]) -> Array:
     """Undo the jumps of an angle that is kept within one turn."""
     jumps = np.abs(np.diff(angle)) > np.pi
     if not jumps.any() or np.ptp(angle) > 2 * np.pi * (1 + 1e-9):
@@ -128,10 +128,9 @@ def _unwrapped(path: str, name: str, angle: Array, notes: list[str]) -> Array:
     if not (steps[jumps] <= 10 * np.median(steps[steps > 0]) if steps.any() else jumps).any():
         return angle  # a gap, not a jump by a whole turn
     if np.median(steps) > np.pi / 2:
-        refuse(
-            path,
+        reading.refuse(
             f"{name} stays within one turn and moves {np.rad2deg(np.median(steps)):.0f} deg between samples, at most "
-            "90 deg can be unwrapped safely; write the angle that counts turns, or sample more often",
+            "90 deg can be unwrapped safely; write the angle that counts turns, or sample more often"
         )
     notes.append(f"{name} unwrapped: {count_of(int(np.count_nonzero(jumps)), 'jump')} by a turn removed")
     return np.asarray(whole, dtype=np.float64)

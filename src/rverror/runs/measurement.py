@@ -130,7 +130,7 @@ class Run(OfFile, Viewed):
         if self.input_angle is None:
             assert self.output_angle is not None  # checked when the run was made
             return self.output_angle if self.te_column is None else self.output_angle - self.te_column
-        self._check_ratio(value)
+        self._check_ratio(self.input_angle, value)
         return self.input_angle / value
 
     def conditions(self, ratio: Reducer | Drive | Model | float) -> OperatingConditions:
@@ -200,13 +200,12 @@ class Run(OfFile, Viewed):
             As `nominal_angle`, and if te contradicts the angles.
         """
         theta = self.nominal_angle(ratio)
-        if self.te_column is None and (self.output_angle is None or self.input_angle is None):
-            self.refuse(
-                "a torque record holds one angle, so it has no transmission error; only a [drive] model is diagnosed "
-                "from it"
-            )
         if self.te_column is None:
-            assert self.output_angle is not None  # checked when the run was made
+            if self.output_angle is None or self.input_angle is None:
+                self.refuse(
+                    "a torque record holds one angle, so it has no transmission error; only a [drive] model is "
+                    "diagnosed from it"
+                )
             made = self.output_angle - theta
             if INTEGRATED in self.metadata and self.time is not None:
                 return without_line(made, theta=theta, time=self.time)
@@ -224,18 +223,17 @@ class Run(OfFile, Viewed):
                 )
         return self.te_column.copy()
 
-    def _check_ratio(self, ratio: float) -> None:
-        assert self.input_angle is not None
+    def _check_ratio(self, input_angle: Array, ratio: float) -> None:
         if self.output_angle is None:
             # Direction tells the sign: it was stated, or read with the sign known then.
-            travel = float(np.diff(self.input_angle) @ self.direction[1:])
+            travel = float(np.diff(input_angle) @ self.direction[1:])
             if travel * ratio < 0:
                 self.refuse(
                     f"with the ratio {ratio:g} the nominal angle runs against the run's direction; correct "
                     f"'direction' or the sign of the ratio, and for mixed directions give load_run the ratio"
                 )
             return
-        theta = self.input_angle / ratio
+        theta = input_angle / ratio
         if np.ptp(theta) < 0.01:  # rad: play alone can do anything in so short a run
             return
         slope = fitted_slope(theta, self.output_angle)
