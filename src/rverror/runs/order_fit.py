@@ -93,12 +93,9 @@ def order_table_from_runs(
     if len(labels) > 1:
         listed = ", ".join(repr(label) for label in labels)
         raise InputError(f"orders: the zeros of the runs have different labels ({listed}); make a table of each")
-    metadata = {
-        key: value
-        for key, value in runs[0].metadata.items()
-        if key.lower() not in HEADER_KEYS and all(run.metadata.get(key) == value for run in runs)
-    }
-    differing = {key for run in runs for key in run.metadata if key.lower() not in HEADER_KEYS} - set(metadata)
+    keys = dict.fromkeys(key for run in runs for key in run.metadata if key.lower() not in HEADER_KEYS)
+    metadata = {key: runs[0].metadata[key] for key in keys if len({run.metadata.get(key) for run in runs}) == 1}
+    differing = keys.keys() - metadata
     if differing:
         notes.append(
             f"{count_of(len(differing), 'header key')} not alike in all runs left out ({', '.join(sorted(differing))})"
