@@ -122,9 +122,7 @@ def _text(value: Any) -> str:
         value = value.reshape(-1)[0]
     if isinstance(value, np.ndarray):
         return ""
-    if isinstance(value, bytes):
-        return value.decode("utf-8", errors="replace").strip()
-    return str(value).strip()
+    return (value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)).strip()
 
 
 _READER = """

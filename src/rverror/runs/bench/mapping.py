@@ -236,10 +236,11 @@ def load_mapping(path: PathLike) -> BenchMapping:
     for speed, angle in SPEEDS.items():
         if {speed, angle} <= tables["columns"].keys():
             toml.refuse(("columns", speed), f"{speed} beside {angle}: it would be integrated to it; leave one of them")
-    if "orders" in toml.content and "columns" in toml.content:
+    of_run = "orders" not in toml.content
+    if "columns" in toml.content and not of_run:
         toml.refuse(("columns",), "[columns] beside [orders]: a file is a run or a table; leave out one of them")
     toml.check_keys(("orders",), tables["orders"], ORDER_COLUMNS, "column")
-    keys = HEADER_KEYS if "orders" not in toml.content else (*HEADER_KEYS, "input_speed")
+    keys = HEADER_KEYS if of_run else (*HEADER_KEYS, "input_speed")
     toml.check_keys(("header",), tables["header"], keys, "key of [header]")
     for key in filter(tables["header"].__contains__, tables["orders"]):
         toml.refuse(("header", key), f"{key} stands in [orders] too; leave one of them")
@@ -249,10 +250,7 @@ def load_mapping(path: PathLike) -> BenchMapping:
         text=text_rules(toml),
         columns={key: _column_rule(toml, key, value) for key, value in tables["columns"].items()},
         orders={key: _order_rule(toml, key, value) for key, value in tables["orders"].items()},
-        header={
-            key: _header_rule(toml, key, value, of_run="orders" not in toml.content)
-            for key, value in tables["header"].items()
-        },
+        header={key: _header_rule(toml, key, value, of_run=of_run) for key, value in tables["header"].items()},
     )
 
 

@@ -145,12 +145,11 @@ def check_order_columns(path: str, where: str, given: Collection[str], *, others
 
 
 def _direction(file: BenchFile, at: str, word: str, rule: ColumnRule | None = None) -> float:
-    words = rule.words if rule else {}
     meaning = word.strip().lower()
-    if words:
-        if meaning not in words:
-            file.refuse(f"{at}: direction = {shown(word)}: {unknown_word(words, rule.where.stated_at if rule else '')}")
-        return DIRECTIONS[words[meaning]]
+    if rule and rule.words:
+        if meaning not in rule.words:
+            file.refuse(f"{at}: direction = {shown(word)}: {unknown_word(rule.words, rule.where.stated_at)}")
+        return DIRECTIONS[rule.words[meaning]]
     number = DIRECTIONS.get(meaning) or number_in(word, file.decimal)
     if not number or math.isnan(number):
         hint = did_you_mean(word, DIRECTIONS) or ' write other words as forward = "..." and reverse = "..." in [orders]'
