@@ -27,7 +27,6 @@ from rverror.reference.cases import (
 )
 from rverror.runs.measurement import Run
 from rverror.runs.measuring_chain import BenchUncertainty, uncertainty_of
-from rverror.runs.reading import refuse
 from rverror.views.bench_report import bench_json, of_figures
 from rverror.views.describing import described, entries
 from rverror.views.fields import COUNT, about, arrays, rows, same_unit
@@ -126,20 +125,17 @@ def compare(
         If the run does not cover a turn, is too coarse for the case's largest order or turns back, or the case holds
         no waveform by this method.
     """
-    name = run.path or "run"
     wanted = waveform(case.arrays, method)
     if wanted is None:
-        refuse(
-            name, f"the case {case.name} has no closed form, since it does not hold there; leave out --method closed"
-        )
+        run.refuse(f"the case {case.name} has no closed form, since it does not hold there; leave out --method closed")
     angle = np.sort(case.arrays["theta"] % _TURN)  # from 0 on, whatever the direction
-    found, notes = _on_case_angles(name, run, case, angle, wanted)
+    found, notes = _on_case_angles(run, case, angle, wanted)
     difference = found - wanted
     about = difference - difference.mean()
     waves = [waves_of(values) for values in (wanted, found, difference)]
     worst = np.argsort(-np.abs(waves[2]), kind="stable")
     return Comparison(
-        run=name,
+        run=run.path or "run",
         case=case.name,
         version=case.version,
         method=method,
@@ -156,11 +152,11 @@ def compare(
     )
 
 
-def _on_case_angles(name: str, run: Run, case: StoredCase, case_angle: Array, wanted: Array) -> tuple[Array, list[str]]:
+def _on_case_angles(run: Run, case: StoredCase, case_angle: Array, wanted: Array) -> tuple[Array, list[str]]:
     """Error of a run at the angles of a case, mean of its whole turns, and what was done for it."""
     ways = set(run.direction.tolist())
     if len(ways) > 1:
-        refuse(name, "the run turns back and forth; split it and give the part in one direction")
+        run.refuse("the run turns back and forth; split it and give the part in one direction")
     notes = []
     if ways != {case.direction}:
         way, cases = ("forward", "reverse") if case.direction < 0 else ("reverse", "forward")
@@ -171,14 +167,13 @@ def _on_case_angles(name: str, run: Run, case: StoredCase, case_angle: Array, wa
     step = np.diff(angle)
     turns = int((angle[-1] - angle[0] + 1.5 * float(np.median(step))) / _TURN)
     if turns < 1:
-        refuse(
-            name,
+        run.refuse(
             f"the run covers {math.degrees(angle[-1] - angle[0]):.6g} deg of the output, a case is a whole turn of "
-            "360 deg; give one or more whole turns",
+            "360 deg; give one or more whole turns"
         )
     targets = _targets(case_angle, angle[0], turns)
     if not _samples_at(angle, targets):
-        resolved = _check_step(name, step, wanted)
+        resolved = _check_step(run, step, wanted)
         notes.append(
             f"{angle.size} angles differ from the case's; interpolated by a cubic spline onto its {wanted.size} a "
             f"turn, good for orders below {resolved:.0f}"
@@ -202,18 +197,17 @@ def _samples_at(angle: Array, targets: Array) -> bool:
     return bool((off <= _SAME_ANGLE * _TURN / targets.shape[1]).all())
 
 
-def _check_step(name: str, step: Array, wanted: Array) -> float:
+def _check_step(run: Run, step: Array, wanted: Array) -> float:
     """Order up to which a spline through these steps is good; refused where the case's largest is above it."""
     waves = np.abs(waves_of(wanted))
     longest = float(step.max())
     resolved = _TURN / longest / _PER_WAVE
     largest = int(waves.argmax()) + 1
     if waves.max() >= _NO_MATTER and largest > resolved:
-        refuse(
-            name,
+        run.refuse(
             f"the angles lie up to {math.degrees(longest):.4g} deg apart, the case's largest order {largest} needs "
             f"{math.degrees(_TURN / largest / _PER_WAVE):.3g} deg or less ({_PER_WAVE} a wave); give more angles, best "
-            f"the case's own {wanted.size}",
+            f"the case's own {wanted.size}"
         )
     return resolved
 
