@@ -107,15 +107,14 @@ class MeasuredPart:
         counted = KINDS[self.kind][1]
         if (counted is None) != (place is None):
             raise ValueError(f"place = {place}: a {self.kind} has {'no' if counted is None else 'a'} place")
-        if counted is None or place is None:
+        if place is None:
             return self.errors
-        return tuple(replace(error, indices=_ordered(error, counted, place)) for error in self.errors)
+        return tuple(replace(error, indices=_all_indices(error, place)) for error in self.errors)
 
 
-def _ordered(error: Effect, counted: str, place: int) -> dict[str, IndexValue]:
-    """All indices, in the order of the source."""
-    given: dict[str, IndexValue] = {**error.indices, counted: place}
-    return {index.name: given[index.name] for index in source(error.key).indices}
+def _all_indices(error: Effect, place: int) -> dict[str, IndexValue]:
+    """All indices in the order of the source; the one that an error of a part lacks is its place."""
+    return {index.name: error.indices.get(index.name, place) for index in source(error.key).indices}
 
 
 @dataclass(frozen=True)
@@ -282,12 +281,10 @@ def at_first_place(disc: MeasuredPart, reducer: Reducer) -> tuple[MeasuredPart, 
 
 def _turned(error: Effect, shifts: Mapping[str, tuple[int, int]], angle: float) -> Effect:
     """One error, its part turned: features that are counted go to other places, vectors and waves turn."""
-    counted = [name for name in shifts if name in error.indices]
-    if counted:
+    if shifts.keys() & error.indices.keys():
         moved: dict[str, IndexValue] = dict(error.indices)
-        for name in counted:
-            by, count = shifts[name]
-            if isinstance(before := moved[name], int):  # "all" stays
+        for name, (by, count) in shifts.items():
+            if isinstance(before := moved.get(name), int):  # "all" stays
                 moved[name] = (before + by) % count
         return replace(error, indices=moved)
     if error.key == LOBE_PROFILE:  # from root to root, alike on all lobes
