@@ -232,9 +232,7 @@ def _sizes(file: BenchFile, key: str, column: PartColumn, nominal: Mapping[str, 
     if expected is None:
         stated = number_in(nominal.get(entry.name, "").replace(",", "."))
         if stated is None:
-            raise InputError(
-                f"{file.path}: it states no nominal value (K2101) of {shown(entry.name)}; write it in the mapping"
-            )
+            file.refuse(f"it states no nominal value (K2101) of {shown(entry.name)}; write it in the mapping")
         expected = stated * abs(factor)
     return column.scale * (samples * factor + zero - column.rule.sign * expected)
 

@@ -12,7 +12,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array, Flags, Integers
 from rverror.base.directions import DIRECTIONS
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean, shown, some, split_lines
 
 #: Dimension of every column that a file may have, and the unit in which people write it; orders and words have none.
@@ -220,10 +220,8 @@ def row_of(name: str, value: Any, dimension: str, *, path: str = "") -> Array:
     """
     factor, zero = 1.0, 0.0
     if dimension and units.is_quantity(value):
-        try:
+        with refusing(f"{path or 'run'}: {name}: "):
             factor, zero = units.unit_scale(str(value.units), dimension)
-        except ValueError as error:
-            refuse(path, f"{name}: {error}")
     try:
         array = np.array(getattr(value, "magnitude", value), dtype=np.float64)
     except (TypeError, ValueError):

@@ -253,11 +253,10 @@ def _entry(channel: Any) -> Entry:
     properties = channel.properties
     unit = next((str(properties[key]).strip() for key in _UNIT_PROPERTIES if key in properties), "")
     dtype = np.dtype(channel.dtype)
-    stamps = dtype.kind == "M"
     increment = properties.get("wf_increment", 0.0)
     return Entry(
         name=f"{channel.group_name}/{channel.name}",
-        unit="s" if stamps and not unit else unit,
+        unit=unit or ("s" if dtype.kind == "M" else ""),  # of time stamps
         size=len(channel),
         problem=shape_problem((len(channel),)) or kind_problem(dtype),
         increment=float(increment) if isinstance(increment, int | float) and increment > 0 else 0.0,

@@ -6,6 +6,7 @@ import numpy as np
 
 from rverror.base import units
 from rverror.base.arrays import Array
+from rverror.base.errors import refusing
 from rverror.base.numbers import count_of
 from rverror.base.text import shown
 from rverror.runs.bench.columns import BenchFile, Entry, RawArray, as_samples
@@ -94,10 +95,8 @@ def core_scale(
         return rule.factor, rule.zero
     if not entry.unit:
         file.refuse(f'{what} has no unit{at}; write unit = "{unit}" or another beside its name')
-    try:
+    with refusing(f"{file.path}: {what}{at}: ", "; state the unit beside its name in the mapping"):
         factor, zero = unit_scale(entry.unit, dimension)
-    except ValueError as error:
-        file.refuse(f"{what}{at}: {error}; state the unit beside its name in the mapping")
     notes.append(f"unit of {key} taken from the file: {entry.unit}")
     return factor * rule.sign, zero
 
