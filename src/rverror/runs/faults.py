@@ -119,8 +119,7 @@ class Faults:
         lines = []
         if self.spikes.size:
             largest = float(np.max(np.abs(self.sizes))) / ARCSEC
-            upto = "up to " if self.spikes.size > 1 else ""
-            what = "sample" + ("s" if self.spikes.size > 1 else "")
+            what, upto = ("samples", "up to ") if self.spikes.size > 1 else ("sample", "")
             lines.append(
                 f"{count_of(self.spikes.size, 'spike')} set aside ({what} {some(self.spikes.tolist())}, "
                 f"{upto}{brief(largest, 3)} arcsec)"
