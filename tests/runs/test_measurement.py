@@ -453,6 +453,11 @@ def test_ratio_that_contradicts_the_run(tmp_path: Path, ratio: float, words: str
         load(tmp_path, text()).error(ratio)
     with pytest.raises(InputError, match=words):
         load(tmp_path, text(), ratio=ratio)
+    angle = np.linspace(0.0, 1.0, N)
+    loaded = run_from_arrays(input_angle=100 * angle, output_angle=angle, direction=1.0, torque=1e4 * (1 + angle))
+    with pytest.raises(InputError, match=words) as refused:
+        loaded.torque_waves(ratio)
+    assert str(refused.value).count("run: ") <= 1
 
 
 def test_misspelt_header_key_is_kept_and_noted(tmp_path: Path) -> None:

@@ -158,8 +158,9 @@ class Run(OfFile, Viewed):
         """
         if self.load_column is None:
             return None
+        theta = self.nominal_angle(ratio)
         try:
-            return fitted_torque(self.nominal_angle(ratio), self.load_column)
+            return fitted_torque(theta, self.load_column)
         except ValueError as problem:
             self.refuse(str(problem))
 
