@@ -145,6 +145,29 @@ def test_a_run_up_begins_with_its_error_and_the_speed_of_its_vibration() -> None
     assert to_text(shaken).splitlines()[1] == verdict
 
 
+def test_results_begin_with_what_they_say() -> None:
+    kinds = {name: some[0] for name, some in every_kind().items()}
+    state, curve, duty = kinds["Equilibrium"], kinds["TorsionCurve"], kinds["DutyEfficiency"]
+    contacts = ("pin", "cam", "carrier", "mesh")
+    sizes = {name: np.sqrt((state.contact_forces[name] ** 2).sum(axis=-2)).max() for name in contacts}
+    strongest = max(sizes, key=lambda name: sizes[name])
+    wide = (state.transmission_error.max() - state.transmission_error.min()) / ARCSEC
+    torque, turned = max(zip(curve.torque, curve.angle, strict=True), key=lambda one: abs(one[0]))
+    out, into = duty.power
+    most = sorted(kinds["Budget"].contributions, key=lambda one: one.share)[-1]
+    for name, verdict in {
+        "Equilibrium": f"Peak-to-peak {wide:.4g} arcsec; largest contact force {sizes[strongest]:.4g} N ({strongest}).",
+        "TorsionCurve": f"Output turns by {turned.mean() / ARCSEC:.4g} arcsec at {torque / 1e3:.4g} N*m.",
+        "DutyEfficiency": f"Mean efficiency {100 * out / into:.3g} %; housing at {duty.housing - 273.15:.3g} degC.",
+        "Budget": f"{most.label} has the largest share, {100 * most.share:.0f} % of the variance.",
+    }.items():
+        assert to_text(kinds[name]).splitlines()[1] == verdict
+    assert re.fullmatch(
+        r"99 % of the units stay within \d+ arcsec peak-to-peak \(.+\)\.",
+        to_text(kinds["VirtualUnits"]).splitlines()[1],
+    )
+
+
 def test_a_table_of_links_is_shown_whole() -> None:
     count = MOST_ROWS + 6
     page = as_html(grid(("unit", "state"), [(f"u&{n}", "") for n in range(count)], [f"{n}.html" for n in range(count)]))

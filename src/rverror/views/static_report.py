@@ -66,7 +66,12 @@ def _state_table(result: Equilibrium) -> Table:
     variables |= arrays("xy", ["x", "y"], xy="")
     largest = [(contact, np.linalg.norm(result.contact_forces[contact], axis=-2).max()) for contact in _CONTACTS]
     variables |= rows("contact", largest, contact="0", largest_force=("1", FORCE))
-    return Table(variables, title=(count_of(error.size, "angle"),))
+    contact, force = max(largest, key=lambda one: one[1])
+    verdict = (
+        f"Peak-to-peak {with_unit(np.ptp(error), 'angle')}",
+        f"; largest contact force {brief(force, 3)} N ({contact}).",
+    )
+    return Table(variables, title=(count_of(error.size, "angle"),), verdict=verdict)
 
 
 # --- torsion ----------------------------------------------------------------------------------------------------------
@@ -74,7 +79,9 @@ def _state_table(result: Equilibrium) -> Table:
 
 @described.register
 def _torsion_table(result: TorsionCurve) -> Table:
-    return _over_torque(result, ("", ""), angle=result.angle)
+    turn, top = result.angle.mean(axis=1), int(np.abs(result.torque).argmax())
+    verdict = f"Output turns by {with_unit(turn[top], 'angle')} at {with_unit(result.torque[top], 'torque')}", "."
+    return _over_torque(result, verdict, angle=result.angle)
 
 
 @described.register
@@ -167,7 +174,11 @@ def _duty_table(result: DutyEfficiency) -> Table:
         **arrays("", result, ambient=TEMPERATURE, housing=TEMPERATURE, inside=TEMPERATURE),
     }
     drives = result.phases[0].drives
-    return Table(variables, {"drives": drives}, title=(f"the {drives} drives",))
+    verdict = (
+        f"Mean efficiency {brief(100 * result.mean, 3)} %",
+        f"; housing at {brief(TEMPERATURE.of(result.housing), 3)} degC.",
+    )
+    return Table(variables, {"drives": drives}, title=(f"the {drives} drives",), verdict=verdict)
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------------

@@ -235,6 +235,7 @@ def _budget_table(result: Budget) -> Table:
     return Table(
         {**_nominal_and_worst(result), **_of_tolerances(result), **_of_angles(result)},
         title=(_counts(result),),
+        verdict=(_largest(result), ""),
         sentences=_quiet(result),
         shown={"tolerance": _SHOWN},
         rows="tolerance",
@@ -313,7 +314,8 @@ def _units_table(result: VirtualUnits) -> Table:
         **arrays("virtual_unit", result, peak_to_peak=ANGLE, max=ANGLE, rms=ANGLE, offset=ANGLE),
     }
     title = (f"{result.count}, seed {result.seed}",)
-    return Table(variables, {"seed": result.seed}, title=title)
+    strong, ends = _most(result)
+    return Table(variables, {"seed": result.seed}, title=title, verdict=(strong, f" ({ends})."))
 
 
 @described.register
@@ -377,23 +379,31 @@ def _state(result: ErrorBudget) -> str:
 
 def _verdict(result: ErrorBudget, limit: Any | None) -> tuple[str, str]:
     """What most units stay within, what makes most of it, the yield at a limit."""
-    p99 = result.units.quantile(0.99)
-    size, ends = interval_words(*(value / ARCSEC for value in (p99.value, p99.low, p99.high)))
-    strong = f"99 % of the units stay within {size} arcsec peak-to-peak"
-    first = max(result.closed.contributions, key=lambda one: one.share)
-    most = " No tolerance changes more than the offset."
-    if first.share > 0:
-        most = f" {first.label} has the largest share, {100 * first.share:.0f} % of the variance."
-    within = ""
+    (strong, ends), within = _most(result.units), ""
     if limit is not None:
         at = units.named_core("limit", limit, "angle")
         found = result.units.yield_at(at)
         share, least, largest = (100 * one for one in (found.value, found.low, found.high))
         within = f" Yield at {at / ARCSEC:g} arcsec peak-to-peak: {share:.4g} % ({least:.4g} to {largest:.4g})."
-    closed = f"({ends}).{most}{within}"
+    closed = f"({ends}). {_largest(result.closed)}{within}"
     if result.at_load is None or all(one.limit.value is None for one in result.at_load.verified.limits):
         return strong, f" {closed}"
     return _verdict_at_load(result.at_load.verified), f" Closed form: {strong} {closed}"
+
+
+def _most(drawn: VirtualUnits) -> tuple[str, str]:
+    """What most units stay within, and the ends of its interval."""
+    p99 = drawn.quantile(0.99)
+    size, ends = interval_words(*(value / ARCSEC for value in (p99.value, p99.low, p99.high)))
+    return f"99 % of the units stay within {size} arcsec peak-to-peak", ends
+
+
+def _largest(closed: Budget) -> str:
+    """What makes most of the error."""
+    first = max(closed.contributions, key=lambda one: one.share)
+    if not first.share > 0:
+        return "No tolerance changes more than the offset."
+    return f"{first.label} has the largest share, {100 * first.share:.0f} % of the variance."
 
 
 def _verdict_at_load(found: Verified) -> str:
