@@ -298,18 +298,13 @@ def _shared(stack: Stack, scaled: Array) -> Array:
 
 def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) -> tuple[WorstCase, Array]:
     """Worst case, and the part of each entry in its peak-to-peak."""
-    groups, middle = stack.worst_groups, stack.middle
+    groups = stack.worst_groups
     at_middle = stack.at_middle()
     middle_offset = float(at_middle.mean())
     centred = at_middle - middle_offset
     reach = GroupWaves(groups, scaled).size()
     offset_reach = float(GroupWaves(groups, offset[:, None]).size()[0])
-    peak_to_peak, high, low = GroupWaves(groups, deviation, centred).farthest()
-    if centred[high] < centred[low]:
-        high, low = low, high
-    difference = deviation[:, high] - deviation[:, low]
-    values = middle + towards(groups, difference)
-    parts = np.bincount(stack.entry, values * difference, len(stack.rules)).astype(np.float64)
+    peak_to_peak, high, low, values, parts = worst_pair(stack, deviation, centred, deviation)
     worst = WorstCase(
         lower=at_middle - reach,
         upper=at_middle + reach,
@@ -323,12 +318,22 @@ def _worst_case(stack: Stack, scaled: Array, offset: Array, deviation: Array) ->
     return worst, parts
 
 
-def towards(groups: Sequence[WorstGroup], gradient: Array) -> Array:
-    """Standard values from the middle to the limits that make ``values @ gradient`` largest."""
-    values = np.zeros(gradient.size)
-    for group in groups:
-        direction = gradient[group.components].sum(axis=0)
+def worst_pair(stack: Stack, scaled: Array, at_middle: Array, rows: Array) -> tuple[float, int, int, Array, Array]:
+    """Largest peak-to-peak of any unit, the places of its two angles, and the standard values that make it.
+
+    The first angle is the higher one of what no part's error can change.  Last, what the values of each entry make of
+    the rows of its components, from the second to the first.
+    """
+    peak_to_peak, high, low = GroupWaves(stack.worst_groups, scaled, at_middle).farthest()
+    if at_middle[high] < at_middle[low]:
+        high, low = low, high
+    between = rows[:, high] - rows[:, low]
+    values = np.zeros(between.size)
+    for group in stack.worst_groups:
+        direction = between[group.components].sum(axis=0)
         length = float(np.hypot.reduce(direction))
         if length > 0:
             values[group.components] += group.radius * direction / length
-    return values
+    values += stack.middle
+    parts = np.bincount(stack.entry, values * between, len(stack.rules)).astype(np.float64)
+    return peak_to_peak, high, low, values, parts

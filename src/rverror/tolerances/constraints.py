@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from rverror.base.arrays import Array
-from rverror.tolerances.closed_form import GroupWaves, towards
+from rverror.tolerances.closed_form import worst_pair
 from rverror.tolerances.cost import CostModel
 from rverror.tolerances.least_cost import ROUNDS, Constraint, Row, minimised
 from rverror.tolerances.loaded_units import Solved
@@ -43,20 +43,11 @@ class WorstPeakToPeak(Constraint):
         """Largest p-p over all pairs of angles, and the row of its pair."""
         key = widths.tobytes()
         if key not in self.known:
-            self.known[key] = self._worst(widths)
+            stack = self.stack
+            _, high, low, _, own = worst_pair(stack, stack.scaled(widths), stack.at_middle(widths), stack.influence)
+            self.known[key] = own, float(stack.nominal[high] - stack.nominal[low])
         own, offset = self.known[key]
         return float(own @ widths + offset), (own, offset)
-
-    def _worst(self, widths: Array) -> Row:
-        """Row of the worst pair, the higher angle of what no part's error can change first."""
-        stack = self.stack
-        at_middle = stack.at_middle(widths)
-        _, i, j = GroupWaves(stack.worst_groups, stack.scaled(widths), at_middle).farthest()
-        i, j = (i, j) if at_middle[i] >= at_middle[j] else (j, i)
-        between = stack.influence[:, i] - stack.influence[:, j]
-        values = stack.middle + towards(stack.worst_groups, between)
-        own = np.bincount(stack.entry, values * between, len(stack.labels)).astype(np.float64)
-        return own, float(stack.nominal[i] - stack.nominal[j])
 
     def cheapest(self, costs: CostModel, limit: float, rows: list[Row]) -> Array:
         """By the rows so far, and those that this solution turns out to need, until it needs no other."""
