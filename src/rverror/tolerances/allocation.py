@@ -157,7 +157,7 @@ def cost_front(
                 found = _of_worst_case(worst, costs, limit, seed)
             else:
                 closed = ClosedFormUnits(laid, (limit,))
-                found = WidthSearch(closed, costs, CLOSED_SAMPLE, verify, seed, tell).allocation("yield")
+                found = WidthSearch(closed, costs, CLOSED_SAMPLE, verify, seed, tell).allocation()
             points.append(FrontPoint(value, found))
         except UnreachableError as error:
             points.append(FrontPoint(value, None, str(error)))
@@ -251,5 +251,4 @@ def allocate_at_load(
     if any(one.value is None for one in prepared.limits):
         raise InputError("limits: one has no value; give it, such as limit('transmission_error', '60 arcsec')")
     costs = cost_model(prepared.stack.labels, prepared.stack.width, prepared.stack.choices)
-    search = WidthSearch(prepared, costs, sample, verify, seed, progress or (lambda text: None))
-    return search.allocation("load")
+    return WidthSearch(prepared, costs, sample, verify, seed, progress or (lambda text: None)).allocation()

@@ -15,7 +15,7 @@ import numpy as np
 from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError
 from rverror.base.progress import Progress
-from rverror.tolerances.allocation_result import Allocation, Kind, described
+from rverror.tolerances.allocation_result import Allocation, described
 from rverror.tolerances.constraints import LOST, SETTLED, SampleQuantile
 from rverror.tolerances.cost import CostModel
 from rverror.tolerances.least_cost import CLOSE, Found, least_cost
@@ -91,7 +91,7 @@ class WidthSearch:
         self.ratios: list[Array] = []
         self._solved: Solved | None = None
 
-    def allocation(self, kind: Kind) -> Allocation:
+    def allocation(self) -> Allocation:
         """Widths of least cost that fresh units verify."""
         given = self._local(self.costs.given, "the widths as given", self.few)
         value, (slope, _) = given.measure(self.costs.given)
@@ -99,6 +99,7 @@ class WidthSearch:
         found, local = self._settled(found, self._local(found.widths, "the first widths", self.few), rounds=_ROUNDS)
         if self.few < self.sample:
             found, local = self._settled(found, self._local(found.widths, "all units", self.sample), rounds=2)
+        any_smooth = bool((self.costs.smooth & (self.costs.high > self.costs.low)).any())
         best: tuple[Found, SampleQuantile, Verified] | None = None
         for attempt in range(_ATTEMPTS):
             fresh = self._verified(found.widths, attempt)
@@ -107,7 +108,7 @@ class WidthSearch:
             if self._met(fresh) and (best is None or self._cost(found) < self._cost(best[0])):
                 best = found, local, fresh
             local = self._calibrated(local, found.widths, fresh)
-            ahead = self._step(local, found, _REACH, hold=self._any_smooth(found))
+            ahead = self._step(local, found, _REACH, hold=any_smooth)
             change = self._change(found, ahead)
             enough = self.loaded and attempt > 1  # a verification takes most of the time there
             if best is not None and (enough or change < self.slack or self._cost(ahead) > self._cost(found)):
@@ -124,14 +125,14 @@ class WidthSearch:
             self.units.stack,
             self.costs,
             found,
-            kind=kind,
+            kind="load" if self.loaded else "yield",
             level=self.level,
-            limit=None if kind == "load" else self.units.limits[0].value,
+            limit=None if self.loaded else self.units.limits[0].value,
             used_before=(value, slope),
-            used=self._used(fresh, round((1 - self.level) * fresh.limits[0].units)),
+            used=_used(fresh, round((1 - self.level) * fresh.limits[0].units)),
             binding=(aimed, [row]),
             uniform_cost=self._uniform_cost(found.widths),
-            verified=fresh if kind == "load" else None,
+            verified=fresh if self.loaded else None,
             seed=self.seed,
         )
 
@@ -168,7 +169,7 @@ class WidthSearch:
     def _calibrated(self, local: SampleQuantile, widths: Array, fresh: Verified) -> SampleQuantile:
         """The sample with the spread that fresh units have in place of what it predicted at their widths."""
         predicted = replace(local, ratios=np.ones(len(local.still))).parts(widths)[0] - local.still
-        used = np.array([self._used(fresh, self.beyond_each, [number]) for number in range(len(local.still))])
+        used = np.array([_used(replace(fresh, limits=(one,)), self.beyond_each) for one in fresh.limits])
         # where the first angles decided, a peak-to-peak is known too low
         known = (used >= CLEAR) & (predicted > _LEAST_SPREAD * used)
         ratios = np.where(known, (used - local.still) / np.where(known, predicted, 1.0), 1.0)
@@ -270,17 +271,6 @@ class WidthSearch:
     def _met(self, fresh: Verified) -> bool:
         return fresh.together_interval[0] >= self.level and all(one.met for one in fresh.limits)
 
-    def _used(self, fresh: Verified, beyond: int, numbers: Sequence[int] = ()) -> float:
-        """Share of some limits, of all where left out, that no more than so many fresh units exceed."""
-        some = [fresh.limits[number] for number in numbers] or fresh.limits
-        shares = [one.limit.turned(one.values) / one.limit.allowed for one in some]
-        used = np.sort(np.nan_to_num(np.max(shares, axis=0), nan=LOST))
-        return float(used[-1 - beyond])
-
-    def _any_smooth(self, found: Found) -> bool:
-        costs = self.costs.holding(found.grades)
-        return bool((costs.smooth & (costs.high > costs.low)).any())
-
     def _cost(self, found: Found) -> float:
         return self.costs.total(found.widths)
 
@@ -308,6 +298,13 @@ def idle_entries(stack: Stack) -> Flags:
     waves = np.ptp(stack.influence, axis=1) * stack.width[stack.entry]
     size = np.array([waves[rule.components].max(initial=0.0) for rule in stack.rules])
     return np.asarray(size <= _IDLE * size.max())
+
+
+def _used(fresh: Verified, beyond: int) -> float:
+    """Share of the limits that no more than so many fresh units exceed."""
+    shares = [one.limit.turned(one.values) / one.limit.allowed for one in fresh.limits]
+    used = np.sort(np.nan_to_num(np.max(shares, axis=0), nan=LOST))
+    return float(used[-1 - beyond])
 
 
 def _leaves(attempt: int) -> float:
