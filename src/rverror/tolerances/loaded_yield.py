@@ -44,17 +44,11 @@ class ClosedFormUnits:
     def _kernel(self) -> Kernel:
         return kernel(self.stack.scaled(), self.stack.nominal)
 
-    def solved(
-        self,
-        drawn: Array,
-        widths: Array,
-        *,
-        slopes: bool = False,  # they are always told
-        decide: bool = False,  # all are solved to the end
-        near: Solved | None = None,  # nothing is found sooner from there
-        progress: Callable[[int], None] | None = None,
-    ) -> Solved:
-        """Peak-to-peaks of units; the parameters are those of `LoadedUnits.solved`."""
+    def solved(self, drawn: Array, widths: Array, *, progress: Callable[[int], None] | None = None, **_: Any) -> Solved:
+        """Peak-to-peaks of units; the parameters are those of `LoadedUnits.solved`.
+
+        Of these the others change nothing: slopes are always told, all units are solved to the end, none sooner.
+        """
         stack, count = self.stack, len(drawn)
         ratio, by_angle = (widths / stack.width)[stack.entry], np.ascontiguousarray(stack.influence.T)
         belongs = (stack.entry[:, None] == np.arange(widths.size)).astype(np.float64)
