@@ -12,14 +12,7 @@ import numpy as np
 
 from rverror.base.arrays import Array, Integers
 from rverror.geartrain.source import IndexValue
-from rverror.tolerances.distribution import (
-    Distribution,
-    Planar,
-    Scalar,
-    normal_correlation,
-    normal_quantile,
-    turned,
-)
+from rverror.tolerances.distribution import Distribution, Planar, Scalar, normal_correlation, normal_quantile, turned
 
 
 @dataclass(frozen=True)
@@ -96,12 +89,10 @@ class SamplingRule:
         """Variates before any turning."""
         if self.joined:
             return self.instances * self.terms
-        if isinstance(self.distribution, Planar):
-            alone = self._vectors * self.distribution.variates
-            return alone if self.correlation else self.instances * alone
+        alone = self._vectors * self.distribution.variates if isinstance(self.distribution, Planar) else self.terms
         if self.correlation == 1:
-            return self.terms
-        return self.terms * (self.instances + (1 if self.correlation else 0))
+            return alone
+        return alone * (self.instances + (1 if self.correlation else 0))
 
     @property
     def _turns(self) -> int:
@@ -176,12 +167,10 @@ class SamplingRule:
         own = self.distribution.widest_class(self.classes)
         groups: list[WorstGroup] = []
         for place in dict.fromkeys(self.alike):
-            members = rows[np.equal(self.alike, place)]
-            if members.size == 1:
-                groups.append(WorstGroup(members[:, None]))
-                continue
-            groups.append(WorstGroup(members[:, None], 1 - own))
-            groups += [WorstGroup(members[i : i + 1, None], own) for i in range(members.size)]
+            members = rows[np.equal(self.alike, place)][:, None]
+            alone = len(members) == 1
+            groups.append(WorstGroup(members, 1.0 if alone else 1 - own))
+            groups += [] if alone else [WorstGroup(member, own) for member in members[:, None]]
         return tuple(groups)
 
 
