@@ -129,6 +129,10 @@ class _Process(Scalar):
                 f"capability = {self.capability:g}: must be above 0; give the Cp of the process, such as 1.33"
             )
 
+    def quantile(self, probability: Array) -> Array:
+        """Values of the normal quantiles, `from_normal`."""
+        return self.from_normal(normal_quantile(probability))
+
 
 @dataclass(frozen=True)
 class Normal(_Process):
@@ -151,10 +155,6 @@ class Normal(_Process):
     def variance(self) -> float:
         """``sigma**2``."""
         return self.sigma**2
-
-    def quantile(self, probability: Array) -> Array:
-        """Normal quantile times sigma."""
-        return self.from_normal(normal_quantile(probability))
 
     def from_normal(self, z: Array) -> Array:
         """``sigma z``."""
@@ -205,12 +205,8 @@ class Lognormal(_Process):
         square = self.shape**2
         return math.exp(square) * math.expm1(square) * self._scale**2
 
-    def quantile(self, probability: Array) -> Array:
-        """``(exp(sigma z) - exp(sigma**2 / 2)) / (Cp sinh(3 sigma))``, z the normal quantile."""
-        return self.from_normal(normal_quantile(probability))
-
     def from_normal(self, z: Array) -> Array:
-        """The same of a normal value z."""
+        """``(exp(sigma z) - exp(sigma**2 / 2)) / (Cp sinh(3 sigma))``, sigma the shape."""
         return np.asarray((np.exp(self.shape * z) - math.exp(self.shape**2 / 2)) * self._scale, dtype=np.float64)
 
 
