@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from rverror.base.arrays import Array, Flags, Integers
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean
 from rverror.geartrain.source import IndexValue
@@ -35,11 +35,6 @@ class Dependence:
     between: Array  #: (m, m); covariance of the standard draws of different entries
     #: Columns of the uniform variates: to, from, and whether turned about 1/2; no column is both.
     classes: tuple[tuple[int, int, bool], ...] = ()
-
-    @property
-    def components(self) -> Integers:
-        """Components that go together with those of another entry."""
-        return np.flatnonzero(self.between.any(axis=1))
 
     def matched(self, uniforms: Array) -> Array:
         """Uniform variates, shape (units, dimensions), in which matched parts choose their classes together."""

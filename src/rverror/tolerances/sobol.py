@@ -154,7 +154,7 @@ def without_joined(found: SobolIndices, stack: Stack) -> SobolIndices:
     """The same, not a number for entries that are correlated with others, and so are no cause by themselves."""
     if stack.dependence is None:
         return found
-    joined = np.isin(np.arange(len(stack.rules)), stack.entry[stack.dependence.components])
+    joined = np.isin(np.arange(len(stack.rules)), stack.entry[stack.dependence.between.any(axis=1)])
     ends = ("first", "first_low", "first_high", "total", "total_low", "total_high")
     known: dict[str, Any] = {name: np.where(joined, np.nan, getattr(found, name)) for name in ends}
     return replace(found, **known)
