@@ -20,8 +20,7 @@ from rverror.base.errors import InputError, renamed
 from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
-from rverror.geartrain.mechanism import Mechanism, Reducer, core_torque
-from rverror.geartrain.source import Parameter
+from rverror.geartrain.mechanism import Reducer, core_torque
 from rverror.model.catalogue import source
 from rverror.model.compose import source_matrix, transmission_error
 from rverror.model.effects import Effect, Model, check_model
@@ -202,13 +201,13 @@ def stack(
         sources = (matrix for matrix in moving.matrices)
     joined = {e for pair in correlations(tolerances) for e in pair}
     partner = {e: (f, fit) for pair, fit in fits(tolerances).items() for e, f in (pair, pair[::-1])}
+    lever = model.mechanism.crank_radius if isinstance(model.mechanism, Reducer) else 1.0
     components: list[Component] = []
     rules: list[SamplingRule] = []
     rows: list[Array] = []
     means: list[float] = []
     for e, item in enumerate(tolerances):
-        entry = source(item.key)
-        chosen = [i for i, p in enumerate(entry.parameters) if p in item.chosen]
+        chosen = [i for i, p in enumerate(source(item.key).parameters) if p in item.chosen]
         instances = item.instances(model.mechanism)
         first = rules[-1].variates.stop if rules else 0
         classes, class_of = item.classes, tuple[int, ...]()
@@ -217,18 +216,17 @@ def stack(
             classes, class_of = fit.classes, places(instances, tolerances[other].instances(model.mechanism))
         law = item.distribution, item.correlation, item.random_phase, e in joined
         rules.append(SamplingRule(first, len(components), len(instances), len(chosen), *law, classes, class_of))
+        least = rounding / (lever if item.chosen[0].dimension == "length" else 1.0)  # below it an influence is rounding
         for indices in instances:
-            least = _least(model.mechanism, item.chosen, rounding)
             rows.append(_without_rounding(next(sources)[chosen], least, rounding))
             components += [Component(item.key, indices, p.name, p.dimension) for p in item.chosen]
             means += [item.mean.get(p.name, 0.0) for p in item.chosen]
     influence = np.concatenate(rows)
-    counts = [rule.instances * rule.terms for rule in rules]
     return Stack(
         nominal=nominal + np.array(means) @ influence,
         influence=influence,
         components=tuple(components),
-        entry=np.repeat(np.arange(len(rules), dtype=np.intp), counts),
+        entry=np.repeat(np.arange(len(rules), dtype=np.intp), [rule.instances * rule.terms for rule in rules]),
         width=np.array([item.width for item in tolerances]),
         labels=_distinct([item.label for item in tolerances]),
         rules=tuple(rules),
@@ -238,13 +236,6 @@ def stack(
         model=model.name or model.mechanism.name or "the model",
         choices=tuple(item.choice for item in tolerances),
     )
-
-
-def _least(mechanism: Mechanism, chosen: Sequence[Parameter], rounding: float) -> float:
-    """Influence that is rounding, rad per core unit."""
-    if isinstance(mechanism, Reducer) and chosen[0].dimension == "length":
-        return rounding / mechanism.crank_radius
-    return rounding
 
 
 def _without_rounding(rows: Array, least: float, rounding: float) -> Array:
