@@ -184,9 +184,7 @@ def described(
     Allocation
     """
     widths, held, (target, rows) = found.widths, costs.holding(found.grades), binding
-    grades: list[str | None] = [None] * widths.size
-    for (entry, table, _), grade in zip(costs.tables, found.grades, strict=True):
-        grades[entry] = table.names[grade]
+    grades = {e: table.names[grade] for (e, table, _), grade in zip(costs.tables, found.grades, strict=True)}
     closed = ClosedFormUnits(stack, (Limit("transmission_error", None, None, level),))
     first = [stack.components[rule.components.start] for rule in stack.rules] if stack.components else []
     return Allocation(
@@ -199,7 +197,7 @@ def described(
         level=level,
         widths_before=_floats(costs.given),
         widths=_floats(widths),
-        grades=tuple(grades),
+        grades=tuple(map(grades.get, range(widths.size))),
         fixed=tuple(map(bool, costs.fixed)),
         costs_before=_floats(costs.each(costs.given)),
         costs=_floats(costs.each(widths)),

@@ -151,9 +151,8 @@ def _is_correlations(value: object) -> bool:
     return isinstance(value, dict) and all(map(is_number, value.values()))
 
 
-_Field = tuple[Callable[[Any], bool], str, Callable[[str], Any] | None]
 #: Of a key: whether a value is of its kind; what it must be, with an example; what reads it in a cell of a table.
-_FIELDS: Mapping[str, _Field] = {
+_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[str], Any] | None]] = {
     **dict.fromkeys(("name", "distribution", "phase"), (is_text, "a text, in quotes", str)),
     **dict.fromkeys(("capability", "shape", "correlation"), (is_number, "a bare number, such as 1.0", float)),
     "classes": (is_whole, "a whole number, such as 4", int),
@@ -300,9 +299,8 @@ def _parsed(name: str, text: str) -> TomlText:
     if not text.strip():
         raise InputError(f"{name}: the file is empty; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
     where = read_toml(name, text)
-    content = where.content
-    where.check_keys((), content, ("name", "tolerance"), "top-level key")
-    where.string((), content, "name")
+    where.check_keys((), where.content, ("name", "tolerance"), "top-level key")
+    where.string((), where.content, "name")
     if not where.tables("tolerance"):
         where.refuse((), "no tolerance; write '[[tolerance]]' and 'key = \"crank.eccentricity\"'")
     return where
