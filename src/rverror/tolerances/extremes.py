@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import dropwhile
 from typing import NamedTuple
 
 import numpy as np
@@ -127,20 +128,17 @@ def kernel(waveforms: Array, nominal: Array) -> Kernel:
     rows[np.abs(rows).max(axis=1) <= _ROUNDING * np.abs(means)] = 0
     folded = _folded(rows)
     limits = np.append(np.full(len(means) - 1, _REACH), 1.0)  # of what multiplies each row
-    factors: list[Array] = []
-    levels: list[Array] = []
-    for level in folded:
-        factor, basis = _truncated(level, limits, TOLERANCE / (4 * len(folded)))
-        if levels or len(basis) or level is folded[-1]:  # a common repeat leaves nothing on the first levels
-            factors.append(factor)
-            levels.append(basis)
+    found = [_truncated(level, limits, TOLERANCE / (4 * len(folded))) for level in folded]
+    # a common repeat leaves nothing on the first levels
+    kept = [*dropwhile(lambda of_level: not len(of_level[1]), found[:-1]), found[-1]]
+    factors, levels = zip(*kept, strict=True)
     factor = np.concatenate(factors, axis=1)
     return Kernel(
         offsets=means[:-1],
         nominal_offset=float(means[-1]),
         factor=factor[:-1],
         nominal_factor=factor[-1],
-        levels=tuple(levels),
+        levels=levels,
         weights=np.concatenate([np.full(len(level), 1 / level.shape[1]) for level in levels]),
     )
 
