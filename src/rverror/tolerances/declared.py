@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import product
 from typing import Any, NoReturn
 
 from rverror.base import units
-from rverror.base.errors import InputError, check_each, refusing
+from rverror.base.errors import InputError, refusing
 from rverror.base.text import did_you_mean, shown
 from rverror.geartrain.mechanism import Mechanism
 from rverror.geartrain.source import VECTORS, Index, IndexValue, Parameter
@@ -249,7 +249,7 @@ class Tolerance:
             known = [item.name for item in allowed]
             for name in given:
                 if name not in known:
-                    self._refuse(f"{problem} {name!r};{_names(what, known, name)}")
+                    self._refuse(f"{problem} {name!r};{known_names(what, known, name)}")
         if not 0 < self.width < math.inf:
             self._refuse(f"tolerance = {self.width:g}: must be above 0; give half the allowed spread")
         if not 0 <= self.correlation <= 1:
@@ -545,7 +545,7 @@ def _law(key: str, name: str | None, given: Mapping[str, float | None], *, vecto
     """Distribution by name."""
     used = name or (Rayleigh.name if vectors else Normal.name)
     if used not in DISTRIBUTIONS:
-        raise InputError(f"{key}: no distribution {used!r};{_names('distributions', list(DISTRIBUTIONS), used)}")
+        raise InputError(f"{key}: no distribution {used!r};{known_names('distributions', DISTRIBUTIONS, used)}")
     kind = DISTRIBUTIONS[used]
     values = {what: value for what, value in given.items() if value is not None}
     for what in values:
@@ -563,7 +563,7 @@ def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]
         known = {p.name: p.dimension for p in chosen}
         for name in mean:
             if name not in known:
-                raise InputError(f"{key}: mean of {name!r};{_names('parameters', list(known), name)}")
+                raise InputError(f"{key}: mean of {name!r};{known_names('parameters', known, name)}")
         return {name: units.named_core(f"{key}: mean of {name}", value, known[name]) for name, value in mean.items()}
     if len(chosen) > 1:
         raise InputError(
@@ -572,20 +572,10 @@ def _means(key: str, chosen: Sequence[Parameter], mean: Any) -> dict[str, float]
     return {chosen[0].name: units.named_core(f"{key}: mean", mean, chosen[0].dimension)}
 
 
-def check_tolerances(tolerances: object) -> None:
-    """Refuse what is no row of tolerances.
-
-    Raises
-    ------
-    InputError
-    """
-    remedy = "give load_tolerances(path), or a list such as [tolerance('crank.eccentricity', '5 um')]"
-    check_each("tolerances", tolerances, Tolerance, remedy)
-
-
 def _in_vectors(names: Sequence[str]) -> bool:
     return all(pair in PAIRS for pair in zip(names[::2], names[1::2], strict=False)) and len(names) % 2 == 0
 
 
-def _names(what: str, known: Sequence[str], word: str) -> str:
+def known_names(what: str, known: Collection[str], word: str) -> str:
+    """Said behind a name that is not known: the nearest one that is, and all of them."""
     return f"{did_you_mean(word, known)} the {what} are {', '.join(known)}" if known else " it has none"

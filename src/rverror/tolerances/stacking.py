@@ -16,7 +16,7 @@ import numpy as np
 from rverror.base import units
 from rverror.base.arrays import Array, Integers
 from rverror.base.directions import Direction, direction_sign
-from rverror.base.errors import InputError, renamed
+from rverror.base.errors import InputError, check_each, renamed
 from rverror.base.viewed import OneLine
 from rverror.dynamics.at_speed import influences_at_speed
 from rverror.geartrain.contacts import closed_form_forces, pose
@@ -26,7 +26,7 @@ from rverror.model.compose import source_matrix, transmission_error
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import stand
 from rverror.tolerances.cost import Choice
-from rverror.tolerances.declared import Tolerance, check_tolerances
+from rverror.tolerances.declared import Tolerance
 from rverror.tolerances.dependence import Dependence, correlations, dependence, fits, places
 from rverror.tolerances.distribution import Scalar, normal_quantile
 from rverror.tolerances.sampling_rule import Component, SamplingRule, WorstGroup
@@ -179,7 +179,8 @@ def stack(
     ((8, 4096), 8, 'crank.eccentricity(crank=0, disc=0).radial')
     """
     check_model(model)
-    check_tolerances(tolerances)
+    remedy = "give load_tolerances(path), or a list such as [tolerance('crank.eccentricity', '5 um')]"
+    check_each("tolerances", tolerances, Tolerance, remedy)
     if not tolerances:
         raise InputError("no tolerance; give at least one")
     direction = direction_sign(direction)

@@ -11,13 +11,13 @@ from typing import Any, NoReturn
 from rverror.base import units
 from rverror.base.errors import InputError
 from rverror.base.spreadsheet import TABLES, table_rows
-from rverror.base.text import PathLike, did_you_mean, read_text, shown, split_lines, write_file
+from rverror.base.text import PathLike, read_text, shown, split_lines, write_file
 from rverror.base.toml import EXAMPLES, KeyPath, Table, TomlText, is_number, is_text, is_whole, read_toml
 from rverror.model.catalogue import CATALOGUE
 from rverror.model.effects import Model
 from rverror.model.model_file import source_of
 from rverror.tolerances.cost import SAME_WIDTH, Cost, Grades, Reciprocal, ReciprocalSquare
-from rverror.tolerances.declared import Tolerance, tolerance, width_and_centre
+from rverror.tolerances.declared import Tolerance, known_names, tolerance, width_and_centre
 from rverror.tolerances.dependence import correlations, fits
 from rverror.tolerances.grades import class_of, gear_limit, it_width
 
@@ -71,10 +71,8 @@ def _column(name: str, line: int, head: str) -> tuple[str, str]:
     title, _, unit = head.partition("[")
     title = title.strip().lower().replace(" ", "_")
     if title and title not in _CELLS:
-        hint = did_you_mean(title, _CELLS)
-        raise InputError(
-            f"{name}, line {line}: unknown column {shown(title)};{hint} the columns are {', '.join(_CELLS)}"
-        )
+        said = known_names("columns", _CELLS, title)
+        raise InputError(f"{name}, line {line}: unknown column {shown(title)};{said}")
     return title, unit.rstrip("] ")
 
 
@@ -415,9 +413,8 @@ class _Entry:
         value: dict[str, Any] = self.table.get("indices", {})
         for name, item in value.items():
             if name not in known:
-                hint = did_you_mean(name, known)
-                said = f"the indices are {', '.join(known)}" if known else "it has none"
-                self.refuse("indices", f"{self.source.key}: no index {shown(name)};{hint} {said}")
+                said = known_names("indices", known, name)
+                self.refuse("indices", f"{self.source.key}: no index {shown(name)};{said}")
             items = item if isinstance(item, list) else [item]
             if not items or any(isinstance(i, bool) or not isinstance(i, (int, str)) for i in items):
                 self.refuse("indices", f"{name} = {shown(item)}: must be a whole number, a name, or a list of them")
