@@ -154,7 +154,7 @@ def cost_front(
         limit = Limit("transmission_error", value, None, level)
         try:
             if kind == "worst":
-                found = _of_worst_case(worst, costs, limit, seed)
+                found = _of_worst_case(worst, costs, value, level, seed)
             else:
                 closed = ClosedFormUnits(laid, (limit,))
                 found = WidthSearch(closed, costs, CLOSED_SAMPLE, verify, seed, tell).allocation()
@@ -164,16 +164,15 @@ def cost_front(
     return tuple(points)
 
 
-def _of_worst_case(worst: WorstPeakToPeak, costs: CostModel, limit: Limit, seed: int) -> Allocation:
+def _of_worst_case(worst: WorstPeakToPeak, costs: CostModel, limit: float, level: float, seed: int) -> Allocation:
     """Least cost with which the worst parts make a p-p within a limit."""
-    assert limit.value is not None
     rows: list[Row] = []
-    found = least_cost(costs, worst, limit.value, rows)
+    found = least_cost(costs, worst, limit, rows)
     if found is None:
         least, (slope, _) = worst.measure(costs.low)
         first = costs.labels[int((costs.low * slope).argmax())]
         raise UnreachableError(
-            f"limit {limit.value / units.ARCSEC:.4g} arcsec: with every width at its least the worst-case p-p is "
+            f"limit {limit / units.ARCSEC:.4g} arcsec: with every width at its least the worst-case p-p is "
             f"{least / units.ARCSEC:.4g} arcsec; raise the limit or allow finer widths, first of {first}"
         )
     before, (slope, _) = worst.measure(costs.given)
@@ -182,11 +181,11 @@ def _of_worst_case(worst: WorstPeakToPeak, costs: CostModel, limit: Limit, seed:
         costs,
         found,
         kind="worst",
-        level=limit.level,
-        limit=limit.value,
-        used_before=(before / limit.value, slope / limit.value),
-        used=worst.measure(found.widths)[0] / limit.value,
-        binding=(limit.value, rows),
+        level=level,
+        limit=limit,
+        used_before=(before / limit, slope / limit),
+        used=worst.measure(found.widths)[0] / limit,
+        binding=(limit, rows),
         seed=seed,
     )
 

@@ -284,9 +284,8 @@ def order_statistics(ordered: Array, probability: float, confidence: float) -> I
     count, tail = ordered.size, (1 - confidence) / 2
     # the least l with P(K <= l) above the tail
     below, above = (int(scipy.stats.binom.ppf(share, count, probability)) for share in (tail, 1 - tail))
-    above += 1
     low = float(ordered[below - 1]) if below else -math.inf
-    high = float(ordered[above - 1]) if above <= count else math.inf
+    high = float(ordered[above]) if above < count else math.inf
     return IntervalEstimate(float(np.quantile(ordered, probability)), low, high)
 
 
