@@ -86,11 +86,8 @@ def allocate(
     'worst'
     """
     laid = stack(model, tolerances, theta, direction=direction, torque=torque, input_speed=input_speed)
-    if (
-        torque is not None
-        and input_speed is None
-        and not any("torque" in source(part.key).needs for part in laid.components)
-    ):
+    loaded = input_speed is not None or any("torque" in source(part.key).needs for part in laid.components)
+    if torque is not None and not loaded:
         raise InputError("torque: the closed form knows no load; leave it out, or use allocate_at_load")
     (point,) = cost_front(laid, [limit], kind=kind, level=level, verify=verify, seed=seed, progress=progress)
     if point.allocation is None:

@@ -176,9 +176,8 @@ def _program(
     smooth = np.flatnonzero(costs.smooth)
     choices = [(t, e, g) for t, (e, _, allowed) in enumerate(costs.tables) for g in allowed]
     table_of, owners, _ = np.array(choices).T
-    prices, grade_widths = (
-        np.array([getattr(costs.tables[t][1], column)[g] for t, _, g in choices]) for column in ("prices", "widths")
-    )
+    prices = np.array([costs.tables[t][1].prices[g] for t, _, g in choices])
+    grade_widths = np.array([costs.tables[t][1].widths[g] for t, _, g in choices])
     unit = costs.high[smooth]
     size = math.fsum(costs.factor / costs.low**costs.power) + float(prices.max()) or 1.0
     count = smooth.size

@@ -250,9 +250,8 @@ def _numbered(reducer: Reducer, rows: int, angles: int, *, slides: bool) -> tupl
     pins = reducer.discs * reducer.pins
     width = pins * (2 if slides else 1) + rows
     every: Any = np.arange(angles * width).reshape(angles, width)
-    pin, along = (
-        every[:, first : first + pins].reshape(angles, reducer.discs, -1) for first in (0, width - rows - pins)
-    )
+    pin = every[:, :pins].reshape(angles, reducer.discs, -1)
+    along = every[:, width - rows - pins : width - rows].reshape(angles, reducer.discs, -1)
     return width, {**by_contact(reducer, pin=pin, row=every[:, width - rows :]), "along": along}
 
 
