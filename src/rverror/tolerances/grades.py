@@ -143,7 +143,19 @@ def gear_tolerance(deviation: Deviation, number: int, *, diameter: float, module
     >>> round(gear_tolerance("cumulative pitch", 6, diameter=120.0, module=3.0), 6)
     0.029
     """
-    _check(number, diameter, module)
+    if number not in CLASSES:
+        raise InputError(f"class {number}: the classes of ISO 1328-1 are 1 to 11")
+    for name, size, (low, high) in (("diameter", diameter, _DIAMETERS), ("module", module, _MODULES)):
+        if not low <= size <= high:
+            raise InputError(
+                f"{name} {size:g} mm of a gear grade: ISO 1328-1 holds from {low:g} to {high:g} mm; give a tolerance"
+            )
+    teeth = diameter / module
+    if not _TEETH[0] - 0.5 <= teeth < _TEETH[1] + 0.5:
+        raise InputError(
+            f"diameter {diameter:g} mm and module {module:g} mm make {teeth:.3g} teeth: ISO 1328-1 holds from "
+            f"{_TEETH[0]} to {_TEETH[1]}; give the reference diameter, module times teeth"
+        )
     cumulative = 0.002 * diameter + 0.55 * math.sqrt(diameter) + 0.7 * module + 12
     reference = {
         "single pitch": 0.001 * diameter + 0.4 * module + 5,
@@ -198,22 +210,6 @@ def gear_limit(key: str, number: int, *, diameter: float, module: float, harmoni
     single = gear_tolerance("single pitch", number, diameter=diameter, module=module)
     rises = [abs(math.sin(math.pi * h * module / diameter)) for h in harmonics]
     return min([half, *(single / (2 * rise) for rise in rises if rise > 0)])
-
-
-def _check(number: int, diameter: float, module: float) -> None:
-    if number not in CLASSES:
-        raise InputError(f"class {number}: the classes of ISO 1328-1 are 1 to 11")
-    for name, size, (low, high) in (("diameter", diameter, _DIAMETERS), ("module", module, _MODULES)):
-        if not low <= size <= high:
-            raise InputError(
-                f"{name} {size:g} mm of a gear grade: ISO 1328-1 holds from {low:g} to {high:g} mm; give a tolerance"
-            )
-    teeth = diameter / module
-    if not _TEETH[0] - 0.5 <= teeth < _TEETH[1] + 0.5:
-        raise InputError(
-            f"diameter {diameter:g} mm and module {module:g} mm make {teeth:.3g} teeth: ISO 1328-1 holds from "
-            f"{_TEETH[0]} to {_TEETH[1]}; give the reference diameter, module times teeth"
-        )
 
 
 def _rounded(size: float) -> float:
