@@ -48,7 +48,7 @@ from rverror.views.report import to_text
         "--format": choice(FORMATS, "csv", "format of the table (default csv)"),
         "--torque": option(
             '"20 N*m"',
-            "output torque of the table (default: the median of the runs' torques, or the next above it); "
+            "output torque of the table (default: the upper median of the runs' torques); "
             "a json table holds all measured torques and all given here",
             size="torque",
             action="append",

@@ -115,6 +115,8 @@ def _efficiency(options: argparse.Namespace) -> None:
 def _of_cycle(options: argparse.Namespace, theta: Array) -> None:
     """Efficiency of the phases of a duty, each at its speed and the temperature that its losses make."""
     refuse_given(options, ["torque"], "the phases of a duty have theirs; give --phase alone")
+    if options.direction == "both":
+        raise InputError("--direction: a duty cycle has one direction; give forward or reverse")
     phases = duty_phases(options.phase)
     heat: dict[str, Any] = {name: size for name in _HEAT if (size := getattr(options, name)) is not None}
     if options.lubricant:

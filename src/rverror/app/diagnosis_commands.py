@@ -49,7 +49,7 @@ from rverror.views.plots.figure import can_draw
         "--prior": option(
             "MADE.toml", "scatter of part errors in production, as written by `rverror lot --save`", reads=True
         ),
-        **results(plot="waveforms and the spectrum of the residual"),
+        **results(plot="waveforms and the residual spectrum"),
         **save("NEW.toml", "write the declared model with the named causes added"),
         "--jobs": number("threads that test causes (default: one for each core)", least=1),
     },

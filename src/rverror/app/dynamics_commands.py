@@ -22,14 +22,14 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
     options={
         **_STATE,
         "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-        **results(plot="the shape of the lowest mode of the gear train"),
+        **results(plot="the shape of the lowest mode of the machine"),
     },
 )
 def _modes(options: argparse.Namespace) -> None:
     """Natural frequencies of the loaded gear train.
 
     Computes natural frequencies and damping of the loaded gear train with the inertias at input and output and, for
-    each mode, the contact with most strain energy and the part with most kinetic energy.
+    each mode, the contact or spring with most strain energy and the part with most kinetic energy.
     """
     found = modes(load_model(options.model), theta=options.angle, **_state(options))
     write_results(found, options)
@@ -43,14 +43,14 @@ def _modes(options: argparse.Namespace) -> None:
         "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
         "--count": number(f"number of speeds (default {COUNT})", least=2, default=COUNT),
         "--by-effect": flag("with --json: also the contribution of each declared error, by order and speed"),
-        **results(plot="the Campbell diagram and the amplitude of all orders against the speed"),
+        **results(plot="the Campbell diagram and the amplitude of orders against the speed"),
     },
 )
 def _speeds(options: argparse.Namespace) -> None:
     """Output error against input speed, by order, and critical speeds.
 
     Computes the output error against the input speed, by order, and the critical speeds, where an order's amplitude
-    peaks. Orders are per output turn. The highest is half the angles per turn: for an RV-40E, 4096 / 2 =
+    peaks. Orders are per output turn, up to half the samples per turn: for an RV-40E, 4096 / 2 =
     2048. Higher orders alias: 2, 3 and 4 times the cycloid mesh order 1560 of an RV-40E, that is 3120, 4680 and 6240,
     appear at 976, 584 and 1952.
     """

@@ -32,7 +32,7 @@ _OUTPUTS = {**MAPPING, **results()}
         "--model": option("MODEL.toml", "model of the unit", reads=True, required=True),
         "--limit": option(
             '"lost motion 90 arcsec"',
-            "limit of the lost motion, or 'transmission error 60 arcsec'; finds how long the unit will meet it",
+            "limit of the lost motion, or of the error: 'transmission error 60 arcsec'",
         ),
         **_OUTPUTS,
     },

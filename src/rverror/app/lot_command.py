@@ -67,7 +67,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         "--jobs": number("processes that read runs (default: one for each core from 256 units on)", least=1),
         **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
         **results(),
-        "--csv": option("OUT.csv", "write a row for each process", writes=True),
+        "--csv": option("OUT.csv", "write a row for each process or order", writes=True),
         "--diagnose": number("diagnose up to N outliers (default 3; half a minute each)", least=0, default=3),
         "--seed": number("seed of the random virtual units (default 0)", least=0, default=0),
     },

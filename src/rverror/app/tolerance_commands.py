@@ -48,7 +48,7 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = (
-        "output torques for the transmission error of units under load, if any are computed (default with --limit: "
+        "output torques for the transmission error of units under load (default with --limit: "
         f"rated torque and 20 N*m){beside}"
     )
     return {
@@ -134,7 +134,7 @@ def _budget(options: argparse.Namespace) -> None:
 @command(
     example='unit.toml tolerances.toml --limit "30 arcsec" --save new.toml',
     options={
-        **_inputs(plot="cost of each tolerance; for --kind yield or worst, least cost against the limit"),
+        **_inputs(plot="the widths found; for --kind yield or worst, least cost against the limit"),
         **_LIMITS,
         "--kind": choice(
             ("load", "yield", "worst"),
