@@ -147,7 +147,7 @@ REFUSED = {
     ("efficiency", "--phase", "3 N*m, 9 rpm"): "'3 N*m, 9 rpm' is not torque, speed and time; write it like",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 0 h"): "hours = 0: must be above 0; write it like",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--torque", "3 N*m"): "--torque: the phases of a duty have theirs",
-    ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--direction", "both"): "--direction: a duty cycle has one direction",
+    ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--direction", "both"): "a duty cycle has one direction",
     ("efficiency", "--ambient", "20 degC"): "--ambient: for a duty cycle only; give its phases with --phase",
     ("efficiency", "--phase", "3 N*m, 9 rpm, 1 h", "--lubricant", *["9 cSt"] * 2, "20 degC", "9 rpm"): (
         "--lubricant: viscosity_100 = 9 mm^2/s: must be below viscosity_40"
