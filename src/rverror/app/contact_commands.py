@@ -175,7 +175,7 @@ def _hysteresis(options: argparse.Namespace) -> None:
 def _pressure(options: argparse.Namespace) -> None:
     """Contact pressure of pins, gear flanks and bearings.
 
-    Computes the contact pressure of pins, gear flanks and, where their rollers are given, crank bearings, and at
+    Computes the contact pressure of pins, gear flanks and crank bearings (if their rollers are given), and at
     which output angle it is highest.
     """
     theta = _turn(options)

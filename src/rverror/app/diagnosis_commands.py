@@ -57,7 +57,7 @@ from rverror.views.plots.figure import can_draw
 def _diagnose(options: argparse.Namespace) -> None:
     """Find what a model lacks, from measured runs.
 
-    Compares measured runs with a model and names the errors of parts and bench that the model lacks: their sizes with
+    Compares measured runs with a model and gives the part and bench errors that the model lacks, their sizes with
     95 % intervals, other causes that the runs cannot rule out, and what is left of the error.
     """
     model = load_model(options.model)

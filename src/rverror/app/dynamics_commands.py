@@ -22,7 +22,7 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
     options={
         **_STATE,
         "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-        **results(plot="the shape of the lowest mode of the machine"),
+        **results(plot="the shape of the lowest elastic mode, except those of the sun's support"),
     },
 )
 def _modes(options: argparse.Namespace) -> None:

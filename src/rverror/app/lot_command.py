@@ -60,11 +60,11 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         **MAPPING,
         "--compress": option(
             "OUT.jsonl",
-            "only read the runs and write a condensed file that `rverror lot` takes in their place; after an "
-            "interruption, run it again to continue",
+            "only read the runs and write a condensed file that `rverror lot` takes in their place; if interrupted, "
+            "rerun the command to continue",
             writes=True,
         ),
-        "--jobs": number("processes that read runs (default: one for each core from 256 units on)", least=1),
+        "--jobs": number("parallel jobs reading runs (default: one per core from 256 units on)", least=1),
         **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
         **results(),
         "--csv": option("OUT.csv", "write a row for each process or order", writes=True),
@@ -76,8 +76,8 @@ def _lot(options: argparse.Namespace) -> None:
     """Scatter of each manufacturing process, or orders common to many drives, from measured units.
 
     Estimates the scatter and the systematic error of each manufacturing process from the runs of many finished units,
-    and names outliers: units whose errors do not fit that scatter. For [drive] models it finds the orders common
-    to all units.
+    and names outliers: units whose errors do not fit that scatter. For [drive] models it finds the orders that
+    drives share.
     """
     if options.compress is not None and len(options.outputs) > 1:
         raise InputError("--compress estimates no process, so there is no result to write; leave out the other outputs")

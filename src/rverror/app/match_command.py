@@ -52,8 +52,8 @@ from rverror.views.report import to_csv
 def _match(options: argparse.Namespace) -> None:
     """Which measured parts to combine so that the most units meet limits.
 
-    Chooses from stocks of measured parts which to combine and in which position, so that as many units as possible
-    meet limits under load, and compares yield with that of random assembly. Files of parts: see
+    Chooses which measured parts in stock to combine, and in which position, so that as many units as possible
+    meet limits under load. Compares the yield with that of random assembly. Files of parts: see
     docs/measured-parts.md.
     """
     if all(value is None for value in (options.limit, options.lost_motion, options.backlash)):

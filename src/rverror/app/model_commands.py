@@ -118,7 +118,7 @@ def _run_paths(options: argparse.Namespace, labels: Sequence[str]) -> list[str |
 def _sources(options: argparse.Namespace) -> None:
     """List the catalogue of error sources.
 
-    Lists all error sources that rverror knows: key, parameters, the frame of each ("fixed in"), and
+    Lists all error sources that rverror knows: key, parameters, the frame ("fixed in"), and
     leading orders in an RV-40E.
     """
     rows = [_source_json(entry) for entry in CATALOGUE.values()]

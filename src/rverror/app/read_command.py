@@ -25,7 +25,7 @@ from rverror.runs.order_table import OrderTable
 def _read(options: argparse.Namespace) -> None:
     """Read a bench file and write a run file or an order table.
 
-    Reads a file as a bench writes it (text, MAT, HDF5, TDMS) and writes a run file or an order table. A
+    Reads a file in a bench's format (text, MAT, HDF5, TDMS) and writes a run file or an order table. A
     mapping says what the columns are; --draft writes a first version of it.
     """
     refuse_order_file(options.file)

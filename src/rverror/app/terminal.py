@@ -121,7 +121,9 @@ def results(*, plot: str | None = None) -> dict[str, Option]:
     """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
     found = {
         "--json": option("OUT.json", "write the result as JSON", writes=True),
-        "--html --report": option("OUT.html", "write one self-contained page with tables and pictures", writes=True),
+        "--html --report": option(
+            "OUT.html", "write a self-contained page, with pictures if there are any", writes=True
+        ),
         "--xlsx": option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True),
     }
     if plot is not None:

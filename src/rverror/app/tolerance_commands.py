@@ -105,7 +105,7 @@ def _budget(options: argparse.Namespace) -> None:
 
     Computes the output error that part tolerances cause: their contributions and, in closed form, the peak-to-peak
     (with --limit also the yield) of many virtual units. With --arm, --lost-motion, --backlash, --stiffness or (without
-    --speed) --at it also computes units under load, and how many of these stay within the limits.
+    --speed) --at, it also computes units under load and how many of these stay within the limits.
     """
     model, tolerances = _read(options)
     if options.speed is not None:
@@ -139,8 +139,8 @@ def _budget(options: argparse.Namespace) -> None:
         "--kind": choice(
             ("load", "yield", "worst"),
             "load",
-            "what must meet the limit: load, units under load (default); yield, the closed-form quantile of the "
-            "peak-to-peak (default for a [drive] model and with --speed); worst, the closed-form worst case",
+            "what must meet the limit: load = units under load (default); yield = closed-form quantile of the "
+            "peak-to-peak (default for a [drive] model and with --speed); worst = closed-form worst case",
         ),
         "--units": number("units to verify with (default 2000; closed form: 32768)", least=1),
         **save("NEW.toml", "write the tolerance file with the widths found"),
