@@ -80,15 +80,15 @@ def diagnose_reducer(
     model, anywhere = with_marks(replace(declared, mechanism=unit), runs)
     if anywhere and any(run.load_column is not None for run in runs):
         raise InputError(
-            "output_torque changes over the turn, and the gear's marks are not known: the torque goes with the bench's "
-            "angle; set the bench's zero on the marks, or diagnose runs under a constant torque"
+            "output_torque changes over the turn, and the gear's marks are not known to be at the bench's zero: the "
+            "torque goes with the bench's angle; set that zero on the marks, or diagnose runs under a constant torque"
         )
     tell("predicting the declared model")
     run_set = replace(RunSet.of(unit, records, policy, points=_points(records), anywhere=anywhere), prior=prior)
     first = first_state(run_set, model, model)
     candidates = offered(model, records, policy.tries)
     notes += run_set.prior.notes(candidates)
-    first, offsets = placed(first) if anywhere else (first, ())
+    first, offsets = placed(first) if marks_are_free(model) else (first, ())
     tell("refitting declared sizes and stiffness within their uncertainty")
     search = Search(fitted(with_estimated_noise(fitted_from_coarse(first))), candidates, policy, journal, offsets)
     search, best, done = searched_repeatedly(search)
@@ -96,7 +96,7 @@ def diagnose_reducer(
         beyond = "rivals may fit as well that were not fitted" if done else "a larger one may find more"
         notes.append(f"the search ended at its budget of {policy.budget} solutions; {beyond}")
     beside = search.opposites(best) if done else []
-    if anywhere and done:
+    if offsets and done:
         best, more = ripples_apart(search, best)
         beside += more
     notes += run_notes(best.fit, unit)
@@ -216,6 +216,11 @@ def with_marks(declared: Model, runs: Sequence[Run | OrderTable]) -> tuple[Model
         return declared, stated
     offset = Effect(sensor.MARKS.key, {}, (0.0,), math.pi, "found by rverror diagnose: index unknown")
     return declared.with_effects(offset), True
+
+
+def marks_are_free(model: Model) -> bool:
+    """Whether the angle of the marks is fitted: not where it is declared without an uncertainty."""
+    return any(source(e.key).acts == "marks" and e.uncertainty for e in model.effects)
 
 
 def placed(first: Fit) -> tuple[Fit, tuple[float, ...]]:

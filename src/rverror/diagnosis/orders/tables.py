@@ -16,7 +16,7 @@ from rverror.base.progress import Progress
 from rverror.diagnosis.causes import Named
 from rverror.diagnosis.gears.account import elastic_within, estimated
 from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
-from rverror.diagnosis.gears.reducers import curved, offered, with_marks
+from rverror.diagnosis.gears.reducers import curved, marks_are_free, offered, with_marks
 from rverror.diagnosis.gears.score import Hypothesis
 from rverror.diagnosis.gears.search import Search
 from rverror.diagnosis.gears.spectrum import leading
@@ -116,7 +116,7 @@ def diagnose_tables(
     added = tuple(_claim(causes, found, n, alike[n], origin, after) for n in range(named))
     added += tuple(_law(laws, n, origin, after) for n in range(len(laws.blocks)))
     lines = _lines(final, named)
-    if anywhere:
+    if marks_are_free(model):
         notes.append(
             "index unknown: where the gear's marks stand was fitted with everything else; the zero is one for all"
         )
