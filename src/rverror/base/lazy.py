@@ -31,14 +31,10 @@ def places(package: str) -> Mapping[str, tuple[str, str]]:
     mapping of str to (str, str)
         By public name: the module, and the name there.  What the package imports from itself is a module of it.
     """
-    listed = [
-        node
-        for node in ast.parse(pkgutil.get_data(package, "__init__.py") or b"").body
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-    ]
     return {
         alias.asname or alias.name: (node.module or "", alias.name)
-        for block in listed
+        for block in ast.parse(pkgutil.get_data(package, "__init__.py") or b"").body
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
         for node in block.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names

@@ -27,9 +27,6 @@ def keep_freed_memory() -> bool:
     if not sys.platform.startswith("linux"):
         return False
     tell = getattr(ctypes.CDLL(None), "mallopt", None)
-    if tell is None:  # another C library
+    if tell is None or tell(_M_MMAP_THRESHOLD, _LARGEST) != 1:  # another C library
         return False
-    if tell(_M_MMAP_THRESHOLD, _LARGEST) != 1:
-        return False
-    set_both = tell(_M_TRIM_THRESHOLD, _KEPT), tell(_M_TOP_PAD, _AT_ONCE)
-    return set_both == (1, 1)
+    return (tell(_M_TRIM_THRESHOLD, _KEPT), tell(_M_TOP_PAD, _AT_ONCE)) == (1, 1)

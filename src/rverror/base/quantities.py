@@ -99,10 +99,8 @@ class Checked:
 
     def given(self) -> dict[str, float]:
         """Values of its quantities that are not those of one of which nothing is said."""
-        held = {
-            item.name: (getattr(self, item.name), item.default) for item in fields(self) if "quantity" in item.metadata
-        }
-        return {name: value for name, (value, default) in held.items() if value is not None and value != default}
+        held = ((item, getattr(self, item.name)) for item in fields(self) if "quantity" in item.metadata)
+        return {item.name: value for item, value in held if value is not None and value != item.default}
 
 
 def above_zero(name: str, value: Any, dimension: str) -> float:

@@ -147,10 +147,7 @@ def printable(text: str) -> str:
     >>> printable("a\x07b")
     'a\\x07b'
     """
-    return "".join(
-        letter if letter.isprintable() else letter.encode("unicode_escape", "backslashreplace").decode()
-        for letter in text
-    )
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text)
 
 
 def joined(lines: Iterable[str]) -> str:

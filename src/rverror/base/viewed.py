@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,8 +60,7 @@ class Viewed(OneLine):
         InputError
             If matplotlib is not installed.
         """
-        drawn: Axes = import_module("rverror.views.plots.drawing").draw(self, ax=ax, **options)
-        return drawn
+        return cast("Axes", import_module("rverror.views.plots.drawing").draw(self, ax=ax, **options))
 
     def _repr_html_(self) -> str:
         return str(import_module("rverror.views.notebook").page(self))

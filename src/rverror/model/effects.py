@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from itertools import chain
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 from rverror.base import units
 from rverror.base.arrays import Array
@@ -163,8 +163,7 @@ class Model(Viewed):
             rad.
         """
         compose = import_module("rverror.model.compose")  # which knows models
-        found: Array = compose.transmission_error(self, theta, direction=direction, time=time, torque=torque)
-        return found
+        return cast("Array", compose.transmission_error(self, theta, direction=direction, time=time, torque=torque))
 
     def influence(
         self,
@@ -205,8 +204,7 @@ class Model(Viewed):
             theta, key = key, theta
         compose = import_module("rverror.model.compose")
         conditions = {"direction": direction, "time": time, "torque": torque}
-        found: Influence = compose.influence(self.mechanism, theta, key, **conditions, **indices)
-        return found
+        return cast("Influence", compose.influence(self.mechanism, theta, key, **conditions, **indices))
 
     def equilibrium(
         self,
@@ -232,8 +230,7 @@ class Model(Viewed):
         Equilibrium
         """
         statics = import_module("rverror.statics.loaded_state")  # a room above
-        found: Equilibrium = statics.equilibrium(self, theta, torque=torque, direction=direction, time=time)
-        return found
+        return cast("Equilibrium", statics.equilibrium(self, theta, torque=torque, direction=direction, time=time))
 
 
 def check_model(model: object) -> None:
