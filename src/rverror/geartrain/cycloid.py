@@ -51,6 +51,21 @@ def pin_positions(reducer: Reducer) -> Array:
     return 2 * np.pi * np.arange(reducer.pins) / reducer.pins
 
 
+def roll_angles(contacts: Contacts) -> Array:
+    """Angle phi by which the eccentric direction of each disc leads each pin.
+
+    Parameters
+    ----------
+    contacts : Contacts
+
+    Returns
+    -------
+    ndarray, shape (discs, pins, n)
+        rad.
+    """
+    return contacts.eccentric[:, None] - pin_positions(contacts.reducer)[:, None]
+
+
 def pin_contacts(reducer: Reducer, eccentric: Array) -> tuple[Array, Array, Array]:
     """Contact normals, arms and contact points, from the disc's centre, of all pins on all discs.
 
@@ -161,7 +176,7 @@ def loaded_share(reducer: Reducer, roll_angle: Array) -> Array:
     -----
     Source 002 (delta_i) without its square root.
     """
-    return np.asarray(np.sin(roll_angle) / _root(reducer, roll_angle))
+    return np.asarray(np.sin(roll_angle) / pitch_distance(reducer, roll_angle))
 
 
 def normal_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift: float) -> Array:
@@ -183,12 +198,24 @@ def normal_gap(reducer: Reducer, roll_angle: Array, *, equidistant: float, shift
     ndarray, shape (n,)
         mm.
     """
-    inward = (1 - reducer.short_width_coefficient * np.cos(roll_angle)) / _root(reducer, roll_angle)
+    inward = (1 - reducer.short_width_coefficient * np.cos(roll_angle)) / pitch_distance(reducer, roll_angle)
     return np.asarray(equidistant + shift * inward)
 
 
-def _root(reducer: Reducer, roll_angle: Array) -> Array:
-    """Distance from pin to pitch point over the pin circle's radius, sqrt(1 + K^2 - 2 K cos(phi))."""
+def pitch_distance(reducer: Reducer, roll_angle: Array) -> Array:
+    """Distance from pin to pitch point over the pin circle's radius, sqrt(1 + K^2 - 2 K cos(phi)).
+
+    Parameters
+    ----------
+    reducer : Reducer
+    roll_angle : ndarray
+        Angle phi by which the eccentric direction leads the pin, rad.
+
+    Returns
+    -------
+    ndarray
+        In the shape of the angles.
+    """
     K = reducer.short_width_coefficient
     return np.asarray(np.sqrt(1 + K**2 - 2 * K * np.cos(roll_angle)), dtype=np.float64)
 
@@ -315,7 +342,7 @@ def lobe_profile(contacts: Contacts, *, disc: int, harmonic: int) -> ErrorWaves:
     normal and a shift alone.
     """
     here = only(disc)
-    phase = np.exp(1j * (contacts.eccentric[here][:, None] - pin_positions(contacts.reducer)[:, None]))
+    phase = np.exp(1j * roll_angles(contacts)[here])
     return ErrorWaves(contact="pin", phase=phase, harmonic=harmonic, direction=contacts.pin_normal[here], at=(here,))
 
 

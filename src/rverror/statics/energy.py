@@ -19,7 +19,7 @@ import numpy.typing as npt
 from rverror.base.arrays import Array, Integers, cross, radial_and_tangential
 from rverror.base.threads import each_part
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, Contacts, Displacement
-from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
+from rverror.geartrain.cycloid import pin_positions, roll_angles, trochoid_curvature
 from rverror.geartrain.mechanism import REFERENCE_FORCE, Reducer
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect
@@ -78,18 +78,13 @@ class Closing:
         """Along the action lines of its contacts; both components at bearings."""
         error, reducer = self.error, self.motion.reducer
         if error.contact in BEARINGS:
-            return _samples_second(error.vector)
+            return samples_first(error.vector, behind=1)
         if error.contact == "spline":
             lever = np.broadcast_to(flank_lever(reducer)[:, None], (reducer.cranks, 2, 1))
-            return _samples_second(-lever[error.at] * error.vector[..., 0, :])
+            return samples_first(-lever[error.at] * error.vector[..., 0, :], behind=1)
         pin_direction = profile_tangent(self.motion) if self.slides else self.motion.pin_normal
         direction = pin_direction if error.contact == "pin" else self.motion.mesh_normal
-        return _samples_second(error.along(direction[error.at]))
-
-
-def _samples_second(rows: Array) -> Array:
-    """Rows that have their samples last, (terms, ..., n)."""
-    return np.ascontiguousarray(np.moveaxis(rows, -1, 1))
+        return samples_first(error.along(direction[error.at]), behind=1)
 
 
 def by_contact(reducer: Reducer, *, pin: Array, row: Array) -> dict[str, Array]:
@@ -157,9 +152,21 @@ def _total(values: Sequence[float], rows: Array) -> Array:
     return (np.array(values) @ rows.reshape(len(rows), -1)).reshape(rows.shape[1:])
 
 
-def samples_first(row: Array) -> Array:
-    """What has its samples last, as everything outside the statics, with its samples first, as one angle needs it."""
-    return np.ascontiguousarray(np.moveaxis(row, -1, 0))
+def samples_first(row: Array, *, behind: int = 0) -> Array:
+    """What has its samples last, as everything outside the statics, with its samples first, as one angle needs it.
+
+    Parameters
+    ----------
+    row : ndarray, shape (..., n)
+    behind : int
+        Axes that stay before the samples: 1 of rows, each of a term.
+
+    Returns
+    -------
+    ndarray, shape (n, ...)
+        Contiguous.
+    """
+    return np.ascontiguousarray(np.moveaxis(row, -1, behind))
 
 
 def samples_last(row: Array) -> Array:
@@ -209,9 +216,7 @@ class Geometry:
     @cached_property
     def curvature(self) -> Array:
         """Curvature of the trochoid on which each pin's centre stands, 1/mm, (n, discs, pins)."""
-        motion = self.motion
-        lead = motion.eccentric[:, None] - pin_positions(motion.reducer)[:, None]
-        return samples_first(trochoid_curvature(motion.reducer, lead))
+        return samples_first(trochoid_curvature(self.motion.reducer, roll_angles(self.motion)))
 
     @cached_property
     def sparse(self) -> tuple[Array, Integers]:

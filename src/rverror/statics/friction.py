@@ -24,7 +24,7 @@ from rverror.base.quantities import above_zero, row
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import closed_form_forces, motion, pose
-from rverror.geartrain.cycloid import pin_positions
+from rverror.geartrain.cycloid import pitch_distance, roll_angles
 from rverror.geartrain.kinematics import OperatingConditions, frame_orders
 from rverror.geartrain.mechanism import Friction, Reducer, doubt_torque
 from rverror.model.effects import Model, check_model
@@ -311,11 +311,10 @@ def hysteresis(model: Model, theta: Any, *, torques: Any, friction: Friction | N
     unit, turns = _straight(unread(model)), row("torques", torques, "torque")
     doubt_torque(model.mechanism, torques, name="torques")
     lower, upper = (equilibrium(unit, theta, torque=0.0, direction=side).transmission_error for side in (1.0, -1.0))
-    branches = [
-        [_wound_up(unit, theta, torque, along, friction) - (lower + upper) / 2 for torque in turns]
+    rising, falling = (
+        np.array([_wound_up(unit, theta, torque, along, friction) - (lower + upper) / 2 for torque in turns])
         for along in (1.0, -1.0)
-    ]
-    rising, falling = map(np.array, branches)
+    )
     return Hysteresis(torque=turns, rising=rising, falling=falling, rated_torque=_reducer(model).rated_torque)
 
 
@@ -397,9 +396,8 @@ def pin_slip(contacts: Contacts) -> Array:
     A disc turns about the pitch point, so it slides on a pin at its own speed times the distance of the contact from
     there, R_p sqrt(1 + K^2 - 2 K cos(phi)) - r.
     """
-    reducer, K = contacts.reducer, contacts.reducer.short_width_coefficient
-    lead = contacts.eccentric[:, None] - pin_positions(reducer)[:, None]
-    from_pitch_point = reducer.pin_circle_radius * np.sqrt(1 + K**2 - 2 * K * np.cos(lead)) - reducer.pin_radius
+    reducer = contacts.reducer
+    from_pitch_point = reducer.pin_circle_radius * pitch_distance(reducer, roll_angles(contacts)) - reducer.pin_radius
     return np.asarray(-frame_orders(reducer)["disc"] * contacts.direction * from_pitch_point)
 
 

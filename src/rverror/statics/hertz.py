@@ -28,7 +28,7 @@ from rverror.base.quantities import COUNT, Checked, above_zero, quantity
 from rverror.base.viewed import Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
-from rverror.geartrain.cycloid import pin_positions, trochoid_curvature
+from rverror.geartrain.cycloid import roll_angles, trochoid_curvature
 from rverror.geartrain.kinematics import OperatingConditions
 from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model, check_model
@@ -229,15 +229,11 @@ def contact_pressure(
             most = size[contact] / (_STRIBECK * bearing.rollers)
             pressed[contact] = most, bearing.roller_length, roller
     stiff = _plane_stiffness(modulus, poisson_ratio)
-    pressure, half_width = {}, {}
-    for contact, (force, width, radius) in pressed.items():
-        pressure[contact] = np.sqrt(force * stiff / (math.pi * width * radius))
-        half_width[contact] = strip_half_width(force / width, radius, stiff)
     return ContactPressure(
         theta=state.theta,
         force={contact: force for contact, (force, _, _) in pressed.items()},
-        pressure=pressure,
-        half_width=half_width,
+        pressure={contact: np.sqrt(force * stiff / (math.pi * w * r)) for contact, (force, w, r) in pressed.items()},
+        half_width={contact: strip_half_width(force / w, r, stiff) for contact, (force, w, r) in pressed.items()},
         place=stands.pin_angle,
     )
 
@@ -252,8 +248,7 @@ def pressing(state: Equilibrium) -> dict[str, Array]:
 def pin_contact_radius(stands: Contacts) -> Array:
     """Radius R of Hertz's formula of each pin on its disc, mm, (discs, pins, n)."""
     unit = stands.reducer
-    lead = stands.eccentric[:, None] - pin_positions(unit)[:, None]
-    return unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, lead))
+    return unit.pin_radius * (1 - unit.pin_radius * trochoid_curvature(unit, roll_angles(stands)))
 
 
 def strip_half_width(load: Array, radius: Array, stiff: float | None = None) -> Array:

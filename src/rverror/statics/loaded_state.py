@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from rverror.base.arrays import Array
+from rverror.base.quantities import quantities
 from rverror.base.threads import each
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose
 from rverror.geartrain.kinematics import OperatingConditions
-from rverror.geartrain.mechanism import Mechanism, Reducer, check_same_geometry
+from rverror.geartrain.mechanism import ContactLaw, Mechanism, Reducer, Stiffness, check_same_geometry
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
 from rverror.model.results import Equilibrium
@@ -48,18 +49,7 @@ _NO_LOAD = 1e-10  # torque on the carrier that stands for none, of pin stiffness
 
 #: What else the output depends on, in the order of rows of `Prediction.softening`: the logarithm of the compliance (one
 #: over the stiffness) of each kind of contact, backlash in mm, exponents of the contact law.
-SOFTENING = (
-    "pin_contact",
-    "crank_bearing",
-    "carrier_bearing",
-    "gear_mesh",
-    "sun_support",
-    "main_bearing",
-    "gear_backlash",
-    "pin_exponent",
-    "flank_exponent",
-    "profile_curvature",
-)
+SOFTENING = (*quantities(Stiffness), "gear_backlash", *quantities(ContactLaw))
 
 
 class NotConvergedError(RuntimeError):

@@ -36,7 +36,7 @@ from rverror.base.viewed import OneLine, Viewed
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.coupling import BEARING_CLEARANCE as CARRIER_CLEARANCE
 from rverror.geartrain.crank import BEARING_CLEARANCE
-from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, pin_positions
+from rverror.geartrain.cycloid import DISC_PROFILE, LOBE_PROFILE, PIN_RADIUS, roll_angles
 from rverror.geartrain.involute import SPLINE_CLEARANCE, TOOTH_THINNING
 from rverror.geartrain.kinematics import OperatingConditions, frame_orders, fundamental_orders, true_period
 from rverror.geartrain.mechanism import Reducer, doubt_torque
@@ -478,10 +478,8 @@ class _Wearing:
 
     def lost(self, x: _Worn) -> _Worn:
         """What is worn off, from pressure times sliding."""
-        by, deep = self.by, 1 / math.cos(self.reducer.pressure_angle)
-        rough = [
-            self._run_in(*one, surfaces=self.flanks * deep) for one in zip(("sun", "planet"), x.thinning, strict=True)
-        ]
+        by, deep = self.by, self.flanks / math.cos(self.reducer.pressure_angle)
+        rough = [self._run_in(*one, surfaces=deep) for one in zip(("sun", "planet"), x.thinning, strict=True)]
         return _Worn(
             by.disc * x.lobes + _waves_of(self._run_in("disc", _over_phases(x.lobes))),
             by.disc * x.slow,
@@ -504,7 +502,7 @@ class _Wearing:
 
     def _on_discs(self, where: Contacts, slip: Array, work: Array) -> tuple[Any, Any]:
         unit, n = self.reducer, work.shape[-1]
-        lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
+        lead = roll_angles(where)
         from_pitch_point = unit.pin_radius - slip / (frame_orders(unit)["disc"] * where.direction)
         per_phase = from_pitch_point * pin_contact_radius(where) / unit.pin_radius  # of profile, z_c lobes together
         taken = work / (per_phase * self.disc_width * n)
@@ -525,7 +523,7 @@ class _Wearing:
         if not self.fixed:
             depth = mean.mean() / (2 * math.pi * unit.pin_radius * self.disc_width)
             return np.full(_PHASES, depth), depth * more
-        lead = where.eccentric[:, None] - pin_positions(unit)[:, None]
+        lead = roll_angles(where)
         strip = strip_half_width(force / self.disc_width, pin_contact_radius(where)) / unit.pin_radius
         worked = _by_phase(work, lead)
         half = np.divide(_by_phase(work * strip, lead), worked, out=np.zeros(_PHASES), where=worked > 0)
@@ -535,8 +533,7 @@ class _Wearing:
         moves, middle = np.maximum(np.abs(edge[1] - edge[0]), half / 100), (edge[0] + edge[1]) / 2
         off = _normal(unit, _PHASE)[:, None] - middle
         pressed = (_pressed_before((off + moves / 2) / half) - _pressed_before((off - moves / 2) / half)) / moves
-        depth = pressed @ worked / (unit.discs * unit.pins * work.shape[-1])
-        depth = depth / (self.disc_width * unit.pin_radius)
+        depth = pressed @ worked / (unit.discs * unit.pins * work.shape[-1]) / (self.disc_width * unit.pin_radius)
         return depth, more * float(worked @ depth / worked.sum())
 
     def _thinning(self) -> Array:
@@ -559,7 +556,7 @@ class _Wearing:
 
         def add(wears: bool | float, key: str, **named: Any) -> None:
             if wears:
-                made.append(effect(key, **named, origin=_ORIGIN))
+                made.append(effect(key, **named, origin="wear"))
 
         lobes = worn.lobes + (_waves_of(worn.pin) if self.fixed else np.zeros(_H.size))
         for key, harmonics, discs, wears in (
@@ -599,9 +596,6 @@ def _by_phase(amount: Array, lead: Array) -> Array:
     share, size = at - low, amount.ravel()
     beside, shares = np.concatenate([low, low + 1]) % _PHASES, np.concatenate([1 - share, share])
     return np.asarray(np.bincount(beside, shares * np.tile(size, 2), minlength=_PHASES))
-
-
-_ORIGIN = "wear"
 
 
 def _states(
