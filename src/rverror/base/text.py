@@ -32,11 +32,9 @@ def read_bytes(path: PathLike) -> bytes:
 
 def file_head(path: PathLike, size: int) -> bytes:
     """Beginning of a file; empty where it cannot be read: whoever reads it whole says why."""
-    try:
-        with open(path, "rb") as file:
-            return file.read(size)
-    except (OSError, ValueError):
-        return b""
+    with suppress(OSError, ValueError), open(path, "rb") as file:
+        return file.read(size)
+    return b""
 
 
 def read_text(path: PathLike) -> str:

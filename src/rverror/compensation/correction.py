@@ -215,12 +215,11 @@ def from_effects(ratio: float, effects: Sequence[Effect]) -> Correction:
     own = [e for e in effects if e.key == WAVE.key]
     orders = np.unique([float(e.indices["order"]) for e in own])
     halves = {sense: np.zeros(orders.size, dtype=np.complex128) for sense in ("alike", "opposite")}
+    alike, opposite = halves.values()
     for e in own:
         halves[str(e.indices["sense"])][orders == float(e.indices["order"])] += complex(e.values[0], -e.values[1])
     cases = tuple(
-        OrderCase(
-            condition=TableCondition(direction=sense), orders=orders, waves=halves["alike"] + sense * halves["opposite"]
-        )
+        OrderCase(condition=TableCondition(direction=sense), orders=orders, waves=alike + sense * opposite)
         for sense in (1.0, -1.0)
     )
     return Correction(ratio, OrderTable(cases=cases if own else ()))

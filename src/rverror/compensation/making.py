@@ -281,8 +281,7 @@ def _made(predicted: PredictedWaves, data: _Data, wanted: Sequence[TableConditio
     if not listed or after.rms >= before.rms:
         nothing = replace(correction, table=OrderTable(cases=()))
         return Compensation(nothing, (), before, before, model, stays=stays, notes=tuple(dict.fromkeys(notes)))
-    readings = sorted({e.key for e in predicted.corrected if source(e.key).acts == "reading"})
-    if readings:
+    if readings := sorted({e.key for e in predicted.corrected if source(e.key).acts == "reading"}):
         notes.append(
             f"{', '.join(readings)}: what misreads is corrected as it was read; where the joint does not keep the "
             "encoder of the bench, that is an error of its own"

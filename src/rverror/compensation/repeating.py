@@ -168,7 +168,7 @@ def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]
     turns = (float(np.ptp(theta)) + step) / _TURN
     senses, found = np.unique(run.direction).tolist(), []
     for sense in senses:
-        passes = [part for part in _passes(run.direction) if run.direction[part.start] == sense]
+        passes = _passes(run.direction, sense)
         longest = max(float(np.ptp(theta[part])) for part in passes)
         passes = [part for part in passes if np.ptp(theta[part]) > 0.5 * longest]
         at = np.concatenate([np.arange(part.start, part.stop) for part in passes])
@@ -205,7 +205,7 @@ def records_of(run: Run, model: Model, predicts: PredictsWaves, notes: list[str]
 
 def condition_of(run: Run, model: Model, sense: float) -> TableCondition:
     """Under what a run was measured in one direction; its speed where it has time and turns once that way."""
-    speed, own = None, [part for part in _passes(run.direction) if run.direction[part.start] == sense]
+    speed, own = None, _passes(run.direction, sense)
     if run.time is not None and len(own) == 1:
         way, lasted = (float(np.ptp(row[own[0]])) for row in (run.nominal_angle(model), run.time))
         # that of two runs differs in its digits
@@ -213,10 +213,10 @@ def condition_of(run: Run, model: Model, sense: float) -> TableCondition:
     return TableCondition(direction=sense, torque=run.torque, input_speed=speed, temperature=run.temperature)
 
 
-def _passes(direction: Array) -> list[slice]:
-    """Stretches in one direction."""
+def _passes(direction: Array, sense: float) -> list[slice]:
+    """Stretches in which a run goes one way."""
     ends = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), direction.size]
-    return [slice(first, last) for first, last in pairwise(ends)]
+    return [slice(first, last) for first, last in pairwise(ends) if direction[first] == sense]
 
 
 def _blocks(theta: Array, label: Integers, turns: float) -> Integers:

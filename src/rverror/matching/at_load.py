@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -212,10 +213,8 @@ class UnitsAtLoad:
     @cached_property
     def sections(self) -> tuple[tuple[slice, bool], ...]:
         """Samples of each quantity in a wave."""
-        ends = np.cumsum([0, *(ANGLES if one.span else POSITIONS for one in self.quantities)])
-        return tuple(
-            (slice(int(a), int(b)), one.span) for a, b, one in zip(ends, ends[1:], self.quantities, strict=False)
-        )
+        ends = accumulate((ANGLES if one.span else POSITIONS for one in self.quantities), initial=0)
+        return tuple((slice(*at), one.span) for at, one in zip(pairwise(ends), self.quantities, strict=True))
 
     def waves(self, values: Array, *, slopes: bool = False) -> tuple[Array, Array]:
         """Waves of units at the load, each quantity over its limit, and their mean change per component.

@@ -207,8 +207,7 @@ def _lot_of(model: Model, parts: Sequence[MeasuredPart], *, turns: bool, seed: i
     lots = [(p, fits[p]) for p in places] + [(p, rollers) for p in places_of(reducer, "roller") if rollers]
     if turns and all(len(place.turns) == 1 for place in places):
         notes.append("turns: discs fit in one way only, and a housing turned by pins shifts the waveform as a whole")
-    missing = [kind for kind in KINDS if not given[kind] and kind != "roller"]
-    if missing:
+    if missing := [kind for kind in KINDS if not given[kind] and kind != "roller"]:
         notes.append(f"no measured parts of the kinds {', '.join(missing)}: as the model has them")
     columns = columns_of(reducer, lots)
     declared = {(e.key, frozenset(e.indices.items())) for e in model.effects}

@@ -215,7 +215,9 @@ def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism
     where.check_keys(place, table, ("key", *indices, *sizes, "origin"), f"key of {key}")
     for name in table:
         if name in sizes:
-            where.quantity((*place, name), table[name], sizes[name], _example(name, sizes[name]))
+            example = EXAMPLES[sizes[name]]
+            example = f"0.3 {example.split()[1]}" if name == "uncertainty" else example
+            where.quantity((*place, name), table[name], sizes[name], example)
     where.string(place, table, "origin")
     named = {name: item for name, item in table.items() if name != "key"}
 
@@ -225,11 +227,6 @@ def _effect(where: TomlText, place: KeyPath, table: Mapping[str, Any], mechanism
     with where.refusing(blamed):
         entry.check_indices(mechanism, {name: named[name] for name in indices if name in named})
         return effect(key, **named)
-
-
-def _example(name: str, dimension: str) -> str:
-    example = EXAMPLES[dimension]
-    return f"0.3 {example.split()[1]}" if name == "uncertainty" else example
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------

@@ -45,9 +45,8 @@ def stand(model: Model, read: Pose) -> Stand:
     -------
     Stand
     """
-    if not model.index_offset:
-        return Stand(read, read)
-    return Stand(read, motion(model.mechanism, read.at(read.theta + model.index_offset)))
+    ahead = model.index_offset
+    return Stand(read, motion(model.mechanism, read.at(read.theta + ahead)) if ahead else read)
 
 
 def felt(effects: Sequence[Effect]) -> tuple[Effect, ...]:

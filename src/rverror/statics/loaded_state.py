@@ -516,8 +516,7 @@ class Settled(OneLine):
         Half of the force of a preloaded bearing, while the rollers behind carry too.
         """
         problem, flanks, rows = self.problem, 2 * self.reducer.cranks, self.solution.row_force.copy()
-        journals = self.solution.rows[:, flanks:].reshape(len(rows), -1, 2)
-        both = np.linalg.norm(journals, axis=2) < -problem.clearance
+        both = np.linalg.norm(self.split(self.solution.rows)[1], axis=2) < -problem.clearance
         rows[:, flanks:] /= 1 + np.repeat(both, 2, axis=1)
         rows[:, :flanks] = (problem.row_stiffness * np.maximum(self.solution.rows, 0.0))[:, :flanks]
         return problem.pin_stiffness * np.maximum(self.solution.pins, 0.0), rows
