@@ -350,9 +350,7 @@ def _outside(measured: Sequence[TableCondition], targets: Sequence[TableConditio
     notes = []
     for name, dimension in VARIABLES.items():
         known = [v for c in measured if (v := getattr(c, name)) is not None]
-        if not known:
-            continue
-        low, high = min(known), max(known)
+        low, high = min(known, default=-math.inf), max(known, default=math.inf)
         values = {v for c in targets if (v := getattr(c, name)) is not None}
         beyond = sorted(v for v in values if not low * (1 - 1e-6) <= v <= high * (1 + 1e-6))
         held = "waves are taken as at the nearest that was"
