@@ -30,10 +30,9 @@ from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.contacts import motion
 from rverror.geartrain.cycloid import roll_angles, trochoid_curvature
 from rverror.geartrain.kinematics import OperatingConditions
-from rverror.geartrain.mechanism import Reducer
 from rverror.model.effects import Model, check_model
 from rverror.model.results import Equilibrium
-from rverror.statics.loaded_state import equilibrium
+from rverror.statics.loaded_state import equilibrium, reducer_of
 
 #: Indices of each kind of contact, in the order of its axes.
 CONTACT_INDICES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -215,8 +214,7 @@ def contact_pressure(
     if not 0 <= poisson_ratio < 0.5:
         raise ValueError(f"poisson_ratio = {poisson_ratio:g}: must lie between 0 and 0.5")
     state = equilibrium(model, theta, torque=torque, direction=direction)
-    unit = model.mechanism
-    assert isinstance(unit, Reducer)  # or there were no equilibrium
+    unit = reducer_of(model.mechanism)
     stands = motion(unit, OperatingConditions(state.theta + model.index_offset, 1.0))
     assert isinstance(stands, Contacts)
     size, pin = pressing(state), pin_contact_radius(stands)

@@ -22,7 +22,7 @@ from rverror.base.threads import each
 from rverror.base.viewed import OneLine
 from rverror.geartrain.action_line import BEARINGS, YIELDING, Clearance, Compliance, ContactForces, Contacts
 from rverror.geartrain.contacts import motion, pose
-from rverror.geartrain.kinematics import OperatingConditions
+from rverror.geartrain.kinematics import OperatingConditions, Pose
 from rverror.geartrain.mechanism import ContactLaw, Mechanism, Reducer, Stiffness, check_same_geometry
 from rverror.model.effects import Effect, Model, check_model
 from rverror.model.readings import added, felt, stand
@@ -204,7 +204,6 @@ def _solved(
     if torque is None and not isinstance(angles, OperatingConditions):
         torque = unit.rated_torque
     where = stand(model, pose(unit, angles, torque=torque, direction=direction, time=time))
-    assert isinstance(where.gears, Contacts)
     found = statics_along(where.gears).settled(model.effects, response=response)
     state, read = found.equilibrium(), where.read
     return found, replace(
@@ -236,13 +235,12 @@ def statics_of(mechanism: Mechanism, conditions: OperatingConditions) -> Statics
         If the mechanism is no reducer, or the torque is missing or below 0.
     """
     reducer_of(mechanism)
-    where = motion(mechanism, conditions)
+    return statics_along(motion(mechanism, conditions))
+
+
+def statics_along(where: Pose) -> Statics:
+    """Statics along a reducer's motion under its torque."""
     assert isinstance(where, Contacts)
-    return statics_along(where)
-
-
-def statics_along(where: Contacts) -> Statics:
-    """Statics along a motion under its torque."""
     if where.load is not None:
         return Statics(Geometry(where), where.reducer, np.abs(where.load))
     if where.torque is None:

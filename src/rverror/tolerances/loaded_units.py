@@ -21,7 +21,7 @@ from rverror.base.arrays import Array, Integers
 from rverror.base.threads import each
 from rverror.base.units import InCore
 from rverror.base.viewed import OneLine
-from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
+from rverror.geartrain.action_line import Clearance, Compliance, ErrorVector
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import IndexValue
@@ -143,7 +143,6 @@ class LoadedTurn:
         theta = 2 * np.pi * np.arange(angles) / angles
         load = torque if callable(torque) else InCore(torque)
         where = stand(model, pose(model.mechanism, theta, direction=direction, torque=load))
-        assert isinstance(where.gears, Contacts)
         statics, count = statics_along(where.gears), 1 + max((at for one in every for _, at in one.at), default=-1)
         counted = {"contacts", "output", *(("reading",) if reads else ())}
         beyond, yielding = np.zeros((count, angles)), []
