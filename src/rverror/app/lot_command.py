@@ -103,7 +103,14 @@ def _lot(options: argparse.Namespace) -> None:
         else:
             found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
             result = _diagnosed(found, inputs, options.diagnose, progress)
-    _write(result, options)
+    write_results(result, options)
+    if options.csv:
+        write_output(options.csv, to_csv(result, rows="process" if isinstance(result, Lot) else "place"))
+    if options.save and isinstance(result, Lot):
+        if text := tolerances_as_made(result):
+            write_output(options.save, text)
+        else:
+            tell(f"{options.save}: not written, no process has a significant scatter; measure more units")
 
 
 def _diagnosed(found: Lot, inputs: LotInputs, most: int, progress: ProgressLine) -> Lot:
@@ -138,15 +145,3 @@ def _check_apart(outputs: Sequence[str], inputs: LotInputs) -> None:
         place = os.path.dirname(os.path.realpath(output))
         if place in places:
             raise InputError(f"{output}: it would lie in the folder of unit {places[place]}; choose another folder")
-
-
-def _write(found: Lot | DriveLot, options: argparse.Namespace) -> None:
-    write_results(found, options)
-    if options.csv:
-        write_output(options.csv, to_csv(found, rows="process" if isinstance(found, Lot) else "place"))
-    if options.save and isinstance(found, Lot):
-        text = tolerances_as_made(found)
-        if text:
-            write_output(options.save, text)
-        else:
-            tell(f"{options.save}: not written, no process has a significant scatter; measure more units")

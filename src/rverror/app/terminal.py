@@ -119,16 +119,14 @@ def save(metavar: str, help: str) -> dict[str, Option]:
 
 def results(*, plot: str | None = None) -> dict[str, Option]:
     """Options that write a result: JSON, its tables as page and workbook, and a picture where `plot` says of what."""
-    found = {
+    return {
         "--json": option("OUT.json", "write the result as JSON", writes=True),
         "--html --report": option(
             "OUT.html", "write a self-contained page, with pictures if there are any", writes=True
         ),
         "--xlsx": option("OUT.xlsx", "write the tables as a workbook, a sheet for each", writes=True),
+        **({} if plot is None else {"--plot": option("OUT.png", f"draw {plot}", writes=True)}),
     }
-    if plot is not None:
-        found["--plot"] = option("OUT.png", f"draw {plot}", writes=True)
-    return found
 
 
 #: Options that several commands have, for their tables.

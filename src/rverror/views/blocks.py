@@ -91,10 +91,10 @@ class Listing:
             part += group
         yield part
 
-    def more(self) -> str:
-        """How many rows are not shown."""
+    def more(self) -> list[str]:
+        """How many rows are not shown; nothing where all are."""
         left = len(self.rows) - self.most
-        return f"and {left} more" if left > 0 else ""
+        return [f"and {left} more"] if left > 0 else []
 
 
 @dataclass(frozen=True)
@@ -218,9 +218,7 @@ def _html_of(block: Block) -> str:
         case Sentence():
             return f'<p class="verdict"><strong>{escaped(block.strong)}</strong>{escaped(block.text)}</p>'
         case Listing():
-            return "\n".join(_table(block, part) for part in block.parts()) + (
-                _soft(block.more()) if block.more() else ""
-            )
+            return "\n".join(_table(block, part) for part in block.parts()) + "".join(map(_soft, block.more()))
         case Facts():
             rows_of = (
                 f'<tr><th scope="row">{escaped(name)}</th><td>{escaped(text)}</td></tr>' for name, text in block.facts
@@ -266,15 +264,10 @@ def _text_of(block: Block) -> Iterator[str]:
             yield block.strong + block.text
         case Listing():
             rows, flush = [list(block.heads), *block.cells()], block.flush()
-            widths = [min(_WIDEST, max(len(row[at]) for row in rows)) for at in range(len(block.heads))]
-            for row in rows:
-                cells = (
-                    cell.rjust(width) if at in flush else cell.ljust(width)
-                    for at, (cell, width) in enumerate(zip(row, widths, strict=True))
-                )
-                yield "  ".join(cells).rstrip()
-            if block.more():
-                yield block.more()
+            widths = [min(_WIDEST, max(map(len, column))) for column in zip(*rows, strict=True)]
+            places = [f"{'>' if at in flush else '<'}{width}" for at, width in enumerate(widths)]
+            yield from ("  ".join(map(format, row, places)).rstrip() for row in rows)
+            yield from block.more()
         case Facts():
             width = min(_WIDEST, max((len(name) for name, _ in block.facts), default=0))
             yield from (f"{name:{width}}  {text}" for name, text in block.facts)

@@ -7,7 +7,7 @@ count places, as in ``"seen.0"``.  `OWN` is the unit of each row's own dimension
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,13 +43,6 @@ def value_at(row: Any, getter: Getter) -> Any:
         elif row is not None:
             row = row[int(part)] if part.isdigit() else getattr(row, part)
     return row
-
-
-def _parts(name: str, field: Field) -> tuple[Getter, Unit | Each | None]:
-    """Where a field's value stands, and its unit."""
-    if isinstance(field, tuple):
-        return field
-    return (name, field) if field is None or isinstance(field, Unit) else (field, None)
 
 
 def _own(dimension: str | Unit) -> Unit:
@@ -124,8 +117,12 @@ def sized(name: str, unit: Unit, path: str = "", value: str = "value") -> dict[s
     return {f"{name}{end}": (f"{path}.{of}", unit) for end, of in (("", value), ("_low", "low"), ("_high", "high"))}
 
 
-def _each(fields: Mapping[str, Field]) -> Iterable[tuple[str, tuple[Getter, Any]]]:
-    return ((name, _parts(name, field)) for name, field in fields.items())
+def _each(fields: Mapping[str, Field]) -> Iterator[tuple[str, tuple[Getter, Any]]]:
+    """Names of fields, where the value of each stands, and its unit."""
+    for name, field in fields.items():
+        if field is None or isinstance(field, Unit):
+            field = (name, field)
+        yield name, field if isinstance(field, tuple) else (field, None)
 
 
 def entry(row: Any, dimension: str | Unit = "", /, **fields: Field) -> dict[str, Any]:

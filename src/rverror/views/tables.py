@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rverror.base.errors import InputError
+from rverror.base.errors import needing
 from rverror.base.version import __version__
 from rverror.views.kinds import table
 from rverror.views.variables import Each, columns
@@ -145,10 +145,8 @@ def to_xarray(result: Any, *, display: bool = False) -> Dataset:
 
 
 def _library(name: str) -> Any:
-    try:
+    with needing(f"tables need {name}", "tables"):
         return importlib.import_module(name)
-    except ImportError as error:
-        raise InputError(f"tables need {name}; install it with: pip install 'rverror[tables]'") from error
 
 
 def _writable(text: Any) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.base.errors import InputError
+from rverror.base.errors import InputError, needing
 from rverror.views.plots.style import line_style
 
 if TYPE_CHECKING:
@@ -72,10 +72,8 @@ def can_draw() -> bool:
 
 def bare_figure(width: float, height: float) -> Figure:
     """Figure of a size in inches, without axes or a window."""
-    try:
+    with needing("plots need matplotlib", "plot"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InputError("plots need matplotlib; install it with: pip install 'rverror[plot]'") from error
     figure = Figure(figsize=(width, height), layout="constrained")
     figure._repr_png_ = partial(to_bytes, figure, "png")  # type: ignore[attr-defined]
     return figure
@@ -154,8 +152,7 @@ def for_drawing(x: Array, *rows: Array, columns: int = COLUMNS) -> tuple[Array, 
     stretches = np.split(np.arange(x.size), np.ceil(np.linspace(0, x.size - 1, columns + 1)[1:-1]).astype(int))
     for row in rows:
         known = np.where(np.isnan(row), np.nanmedian(row), row)
-        for stretch in stretches:
-            kept.append(stretch[[known[stretch].argmin(), known[stretch].argmax()]])
+        kept += [stretch[[known[stretch].argmin(), known[stretch].argmax()]] for stretch in stretches]
     places = np.unique(np.concatenate(kept).clip(0, x.size - 1))
     return tuple(one[places] for one in (x, *rows))
 
