@@ -380,7 +380,6 @@ def _batch_table(result: Batch) -> Table:
         seconds=(lambda one: one.seconds and round(one.seconds, 2), TIME),
         error=None,
     )
-    shown = ("unit", "state", "verdict", "keys", "heldout_rms_before", "heldout_rms_after", "rms_unit")
     return Table(
         columns,
         about(result, "notes"),
@@ -390,7 +389,7 @@ def _batch_table(result: Batch) -> Table:
         sentences=(
             "Held-out rms: residual of stretches that no fit saw, of the declared model and with the causes added.",
         ),
-        shown={"unit": shown},
+        shown={"unit": ("unit", "state", "verdict", "keys", "heldout_rms_before", "heldout_rms_after", "rms_unit")},
         links=["" if one.state == "failed" else f"{quote(one.unit)}.html" for one in result.outcomes],
     )
 

@@ -178,14 +178,13 @@ def _pressure(options: argparse.Namespace) -> None:
     Computes the contact pressure of pins, gear flanks and crank bearings (if their rollers are given), and at
     which output angle it is highest.
     """
-    theta = _turn(options)
     cam_bearing = _bearing("--cam-bearing", options.cam_bearing)
     carrier_bearing = _bearing("--carrier-bearing", options.carrier_bearing)
     model = load_model(options.model)
     with refusing(f"{options.model}: "):
         found = contact_pressure(
             model,
-            theta,
+            _turn(options),
             torque=options.torque,
             direction=WAYS[options.direction][0],
             disc_width=options.disc_width,

@@ -33,9 +33,7 @@ def _table(result: Compensation) -> Table:
     }
     stays = [f"Remains: {text}." for text in result.stays]
     if bench is not None:
-        stays.append(of_figures(bench))
-        if result.worth:
-            stays.append(_BENCH_REPEATS)
+        stays += [of_figures(bench), *[_BENCH_REPEATS] * result.worth]
     strong = f"{count_of(len(result.orders), 'order')} compensated" if result.worth else "Nothing to compensate"
     before, after = (brief(one.rms / ARCSEC, 3) for one in (result.before, result.after))
     fall = f": the held-out rms falls from {before} to {after} arcsec" if result.worth else ""

@@ -149,8 +149,7 @@ def _speeds_table(result: SpeedResponse) -> Table:
         **arrays("", result, torque=TORQUE),
     }
     about = {"direction": way(result.direction), "notes": "\n".join(_cautions(result))}
-    speeds = count_of(result.speed.size, "input speed")
-    title = (result.reducer.name, _where(result), speeds)
+    title = (result.reducer.name, _where(result), count_of(result.speed.size, "input speed"))
     return Table(variables, about, title=title, verdict=_speeds_verdict(result))
 
 
@@ -212,7 +211,6 @@ def _run_up_table(result: RunUp) -> Table:
         f"Peak-to-peak of the error {with_unit(float(np.ptp(result.transmission_error)), 'angle')}",
         f"; the vibration is largest at {with_unit(speed, 'angular_speed')}: {with_unit(vibration, 'angle')}.",
     )
-    single = ("vibration_peak_to_peak", "windup_peak_to_peak")
     about = {"direction": way(result.direction)}
     if result.output_torque.min() < 0:
         first = brief(float(result.time[np.argmax(result.output_torque < 0)]))
@@ -222,5 +220,5 @@ def _run_up_table(result: RunUp) -> Table:
         about,
         title=(_where(result), f"{brief(float(np.ptp(result.time)))} s"),
         verdict=verdict,
-        shown={"": single},
+        shown={"": ("vibration_peak_to_peak", "windup_peak_to_peak")},
     )

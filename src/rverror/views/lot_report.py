@@ -156,18 +156,13 @@ def _lot_content(result: Lot) -> dict[str, Any]:
 
 def _processes(result: Lot) -> Iterator[dict[str, Any]]:
     """An entry for each process and parameter; and for each part whose mean is told by itself."""
-    means = {_place(one.key, one.indices, one.parameter): one for one in result.means}
     for one in result.processes:
+        shared = one.indices.items()
         for name in one.parameters:
-            yield _process(one, name, one.indices, means.get(_place(one.key, one.indices, name)))
-            for shift in result.means:
-                part = shift.key == one.key and shift.parameter == name and dict(shift.indices) != dict(one.indices)
-                if part and one.indices.items() <= shift.indices.items():
-                    yield _process(one, name, shift.indices, shift)
-
-
-def _place(key: str, indices: Mapping[str, IndexValue], parameter: str) -> tuple[Any, ...]:
-    return key, frozenset(indices.items()), parameter
+            means = [mean for mean in result.means if (mean.key, mean.parameter) == (one.key, name)]
+            own = [mean for mean in means if mean.indices.items() == shared]
+            yield _process(one, name, one.indices, own[-1] if own else None)
+            yield from (_process(one, name, part.indices, part) for part in means if part.indices.items() > shared)
 
 
 def _process(one: MadeBy, parameter: str, indices: Mapping[str, IndexValue], mean: Shift | None) -> dict[str, Any]:

@@ -163,8 +163,7 @@ def _influence_table(result: Influence) -> Table:
             mean=(lambda one: one.matrix.mean(axis=1), own),
         ),
     }
-    angles = count_of(result.matrix.shape[1], "angle")
-    return Table(variables, {"key": result.key}, title=(result.key, angles))
+    return Table(variables, {"key": result.key}, title=(result.key, count_of(result.matrix.shape[1], "angle")))
 
 
 # --- runs -------------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from rverror.tolerances.full_budget import ErrorBudget
 from rverror.tolerances.sampling import VirtualUnits
 from rverror.views.describing import described
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing, parted
 from rverror.views.plots.labels import OUTPUT_ANGLE, labelled, over_angle, plain, signal_label, stated
 from rverror.views.tolerance_report import within
 from rverror.views.variables import columns
@@ -122,8 +122,7 @@ def at_load(found: ErrorBudget | Allocation, *, ax: Axes | None = None) -> Axes:
     InputError
         If no unit was solved at a load.
     """
-    budget = found.at_load if isinstance(found, ErrorBudget) else None
-    loaded = budget.verified if budget is not None else getattr(found, "verified", None)
+    loaded = found.verified if isinstance(found, Allocation) else getattr(found.at_load, "verified", None)
     if loaded is None:
         raise InputError("no unit was solved at a load; give limits, such as limit('transmission_error', '60 arcsec')")
     ax = axes_for(ax)
@@ -155,9 +154,8 @@ def widths(found: Allocation, *, ax: Axes | None = None) -> Axes:
     held = np.array(found.fixed, dtype=np.bool_)[order]
     ax, at = axes_of_rows(ax, [plain(found.labels[e]) for e in order])
     ax.hlines(at, 1.0, ratio, color=style.GREY, lw=1.5)
-    for mask, mark, face, label in ((~held, "o", _DARK, "free"), (held, "s", "white", "fixed")):
-        if mask.any():
-            ax.plot(ratio[mask], at[mask], mark, color=_DARK, mfc=face, ms=6, label=label)
+    for mask, mark, face, label in parted(~held, ("o", _DARK, "free"), ("s", "white", "fixed")):
+        ax.plot(ratio[mask], at[mask], mark, color=_DARK, mfc=face, ms=6, label=label)
     ax.axvline(1.0, color=_LIMIT, lw=0.8)
     from matplotlib.ticker import LogLocator
 

@@ -22,7 +22,7 @@ from rverror.compensation.outcome import Compensation
 from rverror.diagnosis.result import Diagnosis, Trace
 from rverror.views.by_order import turns_of
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, for_drawing, parted
 from rverror.views.plots.labels import ORDER, labelled, over_angle, plain, signal_label, stated
 from rverror.views.plots.spectra import draw_lines, frame_name, lines_of
 from rverror.views.shown_units import ANGLE, unit_of
@@ -171,12 +171,9 @@ def candidates(diagnosis: Diagnosis, *, ax: Axes | None = None) -> Axes:
     ]
     behind = np.array([ranking[0].heldout_gain - candidate.heldout_gain for candidate in shown])
     added = np.array([(candidate.key, candidate.indices) in alike for candidate in shown], dtype=np.bool_)
-    for mask, face, label in (
-        (added, _AFTER, "added at the load, and what cannot be distinguished from it"),
-        (~added, "white", "others"),
-    ):
-        if mask.any():
-            ax.plot(behind[mask], at[mask], "o", color=_AFTER, mfc=face, ms=5, label=label)
+    alike_too = "added at the load, and what cannot be distinguished from it"
+    for mask, face, label in parted(added, (_AFTER, alike_too), ("white", "others")):
+        ax.plot(behind[mask], at[mask], "o", color=_AFTER, mfc=face, ms=5, label=label)
     apart = behind[behind > 0]
     if apart.size and apart.max() > _DECADES * max(apart.min(), 1.0):
         ax.set_xscale("symlog", linthresh=max(apart.min(), 1.0), linscale=0.5)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import io
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
-from rverror.base.arrays import Array
+from rverror.base.arrays import Array, Flags
 from rverror.base.errors import InputError, needing
 from rverror.views.plots.style import line_style
 
@@ -114,6 +114,11 @@ def axes_of_rows(ax: Axes | None, names: Sequence[str], *, upwards: bool = True)
     ends = (-0.6, max(len(names), 1) - 0.4)
     ax.set_ylim(ends if upwards else ends[::-1])
     return ax, places
+
+
+def parted(some: Flags, *looks: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
+    """Rows that are chosen and then the others, each with its look; none of which there is no row."""
+    return ((rows, *look) for rows, look in zip((some, ~some), looks, strict=True) if rows.any())
 
 
 def span_of(largest: float) -> float:

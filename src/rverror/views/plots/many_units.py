@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from rverror.base.errors import InputError
 from rverror.base.numbers import count_of
@@ -17,7 +16,7 @@ from rverror.lots.result import Lot
 from rverror.matching.result import Matched
 from rverror.views.lot_report import lot_table
 from rverror.views.plots import style
-from rverror.views.plots.figure import Axes, axes_for, axes_of_rows
+from rverror.views.plots.figure import Axes, axes_for, axes_of_rows, parted
 from rverror.views.plots.labels import ORDER, labelled, plain
 from rverror.views.shown_units import ANGLE
 from rverror.views.variables import columns
@@ -64,15 +63,10 @@ def lot_shares(found: Lot, *, ax: Axes | None = None) -> Axes:
     return labelled(ax, "What each process contributes", *_of(found), x="share of the variance of the output error, %")
 
 
-def _by_evidence(rows: Mapping[str, Any]) -> Iterator[tuple[npt.NDArray[np.bool_], str, str]]:
+def _by_evidence(rows: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
     """Processes whose scatter is significant, and those of which it is not, with their face and name."""
-    significant = rows["above_zero"].astype(bool)
-    for some, face, label in (
-        (significant, style.BLUE, "significantly above zero"),
-        (~significant, "white", "not significant"),
-    ):
-        if some.any():
-            yield some, face, label
+    looks = (style.BLUE, "significantly above zero"), ("white", "not significant")
+    return parted(rows["above_zero"].astype(bool), *looks)
 
 
 def compared_orders(found: RunsCompared, *, ax: Axes | None = None) -> Axes:

@@ -69,18 +69,14 @@ def campbell(response: SpeedResponse, *, most: int = _LARGEST, ax: Axes | None =
         rings = SPEED.of(speed), order * speed / (2 * np.pi * response.ratio)
         ax.plot(*rings, "o", color=style.BLACK, mfc="none", label="critical")
     found = _crossings(response, leading, last, top)
-    for number, (speed, frequency, *_) in enumerate(found, start=1):
-        ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
-        near = [
-            at
-            for at, of, *_ in found[: number - 1]
-            if speed - at < _APART * last and abs(frequency - of) < _APART * top
-        ]
-        above = (-7, 3 + _LINE * len(near))  # neighbours stand above one another
-        ax.annotate(str(number), (speed, frequency), xytext=above, textcoords="offset points", fontsize="x-small")
     lines = [f"mode {mode + 1}: {response.frequency[mode]:.4g} Hz" for mode in np.flatnonzero(low)]
     lines += ["crossings: mode, order, rpm"] if found else []
-    for number, (speed, _, mode, order) in enumerate(found, start=1):
+    for number, (speed, frequency, mode, order) in enumerate(found, start=1):
+        ax.plot([speed], [frequency], "s", color=style.BLACK, ms=3, gid="crossing")
+        before = found[: number - 1]
+        near = sum(speed - at < _APART * last and abs(frequency - of) < _APART * top for at, of, *_ in before)
+        above = (-7, 3 + _LINE * near)  # neighbours stand above one another
+        ax.annotate(str(number), (speed, frequency), xytext=above, textcoords="offset points", fontsize="x-small")
         lines.append(f"{number}: mode {mode}, order {order:.6g}, {speed:.0f}")
     return labelled(
         ax,

@@ -50,16 +50,13 @@ def torsion(curve: TorsionCurve, *, rated: float | str | None = None, ax: Axes |
     order = np.argsort(curve.torque, kind="stable")
     torque, angle = (TORQUE.of(curve.torque[order]), ANGLE.of(curve.angle[order]))
     middle = angle.mean(axis=1)
-    branches = [
-        (f"torque {word}", at, middle[at], angle[at].min(axis=1), angle[at].max(axis=1))
-        for word, at in (("counter-clockwise", torque > 0), ("clockwise", torque < 0))
-        if at.any()
-    ]
+    branches = [one for one in (("counter-clockwise", torque > 0), ("clockwise", torque < 0)) if one[1].any()]
     lost = _lost_motion(torque, middle, rated)
     ax = axes_for(ax, height=3.8)
-    for number, (label, at, mean, low, high) in enumerate(branches):
-        ax.fill_between(torque[at], low, high, color=style.GREY, alpha=0.3, lw=0)
-        ax.plot(torque[at], mean, marker=_MARKS[number], ms=4, lw=1.2, label=label, **style.line_style(number))
+    for number, (word, at) in enumerate(branches):
+        ax.fill_between(torque[at], angle[at].min(axis=1), angle[at].max(axis=1), color=style.GREY, alpha=0.3, lw=0)
+        look = {"marker": _MARKS[number], **style.line_style(number)}
+        ax.plot(torque[at], middle[at], ms=4, lw=1.2, label=f"torque {word}", **look)
     if (torque == 0).any():
         ax.plot([0.0], [0.0], "o", color=style.BLACK, mfc="white", ms=5, label="no torque: middle of the play")
     return _torsion_axes(ax, "torsion", "mean and range", angle.shape[1], lost)
