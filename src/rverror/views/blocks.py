@@ -196,15 +196,14 @@ def as_html(blocks: Sheet, *, folded: bool = False) -> str:
     folded : bool
         Whether sections are folded away under their headings.
     """
-    parts, opened = [], False
+    parts, closing = list[str](), list[str]()
     for block in blocks:
         if folded and isinstance(block, Heading):
-            parts += ["</details>"] * opened
-            opened = True
-            parts.append(f"<details><summary>{escaped(block.text)}</summary>")
+            parts += [*closing, f"<details><summary>{escaped(block.text)}</summary>"]
+            closing = ["</details>"]
         else:
             parts.append(_html_of(block))
-    return "\n".join(parts + ["</details>"] * opened)
+    return "\n".join(parts + closing)
 
 
 def _html_of(block: Block) -> str:

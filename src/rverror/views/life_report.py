@@ -190,8 +190,7 @@ def remaining_words(trend: Trend) -> str:
     what = f"{name.capitalize()}: {brief(now, 3)} arcsec now, limit {brief(most, 3)} arcsec."
     if left.time is None:
         return f"{what} Nothing that grows is known to reach it: the time that remains is not determined."
-    times = left.time.low, left.time.value, left.time.high
-    low, middle, high = (brief(float(f"{t:.3g}"), 3) for t in times)
+    low, middle, high = (brief(float(f"{t:.3g}"), 3) for t in (left.time.low, left.time.value, left.time.high))
     if math.isinf(left.time.value):
         when = f"at the earliest {low} {trend.unit}s after the last session (95 %)"
     else:

@@ -106,8 +106,7 @@ def _over_torque(result: TorsionCurve | Hysteresis, verdict: tuple[str, str], **
     for name, turned in turns.items():
         variables |= arrays("torque", turned.mean(axis=1), **{f"mean_{name}": ("", ANGLE)})
         variables |= arrays("torque place", turned, **{name: ("", ANGLE)})
-    places = count_of(turned.shape[1], "angle")
-    return Table(variables, title=(f"{places} of the output",), verdict=verdict)
+    return Table(variables, title=(f"{count_of(turned.shape[1], 'angle')} of the output",), verdict=verdict)
 
 
 # --- losses -----------------------------------------------------------------------------------------------------------

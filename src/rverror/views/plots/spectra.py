@@ -401,19 +401,15 @@ def frame_name(mechanism: Mechanism, order: float, *, within: float = 0.0) -> st
     shown, exact = f"{order:g}", order
     if within:
         shown = f"about {order:.3g}" if order < 1e3 else f"about {order:.0f}"
-        multiples = {base * (round(order / base) + k) for base in _bases(mechanism) for k in (-1, 0, 1)}
+        turning = mechanism.shafts if isinstance(mechanism, Drive) else fundamental_orders(mechanism)
+        bases = {abs(turns) for turns in (mechanism.ratio, *turning.values())}
+        multiples = {base * (round(order / base) + k) for base in bases for k in (-1, 0, 1)}
         near = {round(one, 6) for one in multiples if one > 0 and abs(one - order) <= _ALONE * within}
         exact = min(near, key=lambda one: abs(one - order), default=order)
         if len(near) > 1 or abs(exact - order) > within:
             return shown
     frames = frames_of_order(mechanism, exact)
     return f"{shown}: {short_frame(frames[0]) if frames else 'no frame'}"
-
-
-def _bases(mechanism: Mechanism) -> set[float]:
-    if isinstance(mechanism, Drive):
-        return {abs(mechanism.ratio), *map(abs, mechanism.shafts.values())}
-    return {*fundamental_orders(mechanism).values(), abs(mechanism.ratio)}
 
 
 def strongest(size: Array, *, floor: Array, apart: int = 1) -> list[int]:
