@@ -208,8 +208,8 @@ def test_the_command_tells_a_folder_and_its_compressed_file(
     capsys.readouterr()
     assert main(["lot", "lot.jsonl", "--model", "lot/drive.toml"]) == 0
     assert capsys.readouterr().out.splitlines()[1] == printed.splitlines()[1]
-    for option in ("--save", "--tolerances"):
-        assert main([*words, option, "x.toml"]) == 2
+    for option in (["--save", "x.toml"], ["--tolerances", "x.toml"], ["--diagnose", "2"]):
+        assert main([*words, *option]) == 2
         assert "whose lot has orders and no processes" in capsys.readouterr().err
 
 

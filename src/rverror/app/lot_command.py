@@ -68,7 +68,7 @@ _MANY = 256  # units, of which runs of 512 samples take this process 1.5 s: as l
         **save("MADE.toml", "write the scatter of the processes as a tolerance file"),
         **results(),
         "--csv": option("OUT.csv", "write a row for each process or order", writes=True),
-        "--diagnose": number("diagnose up to N outliers (default 3; half a minute each)", least=0, default=3),
+        "--diagnose": number("diagnose up to N outliers (default 3; half a minute each)", least=0),
         "--seed": number("seed of the random virtual units (default 0)", least=0, default=0),
     },
 )
@@ -85,7 +85,7 @@ def _lot(options: argparse.Namespace) -> None:
     drive = isinstance(model.mechanism, Drive)
     if drive:
         unused = f"{options.model} is of a drive, whose lot has orders and no processes; leave it out"
-        refuse_given(options, ("tolerances", "save"), unused)
+        refuse_given(options, ("tolerances", "save", "diagnose"), unused)
     tolerances = None if options.tolerances is None else load_tolerances(options.tolerances, model)
     inputs = lot_inputs(options.parts, model, given_mapping(options.mapping))
     tables = [os.path.join(part, TABLE) for part in options.parts]  # there or not: the next call would read it
@@ -102,7 +102,7 @@ def _lot(options: argparse.Namespace) -> None:
             result: Lot | DriveLot = lot_of_drives(model, amplitudes, seed=options.seed)
         else:
             found = lot(model, amplitudes, tolerances=tolerances, seed=options.seed, progress=progress)
-            result = _diagnosed(found, inputs, options.diagnose, progress)
+            result = _diagnosed(found, inputs, 3 if options.diagnose is None else options.diagnose, progress)
     write_results(result, options)
     if options.csv:
         write_output(options.csv, to_csv(result, rows="process" if isinstance(result, Lot) else "place"))

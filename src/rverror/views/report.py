@@ -106,7 +106,7 @@ def to_json(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) 
 
 
 def to_html(result: Any, /, *, files: Sequence[InputFile] = (), **options: Any) -> str:
-    """Result as one HTML page that needs nothing else: no script, no network; its pictures are drawn by matplotlib.
+    """Result as one HTML page that needs nothing else, with pictures by matplotlib; they zoom if mpld3 is installed.
 
     Parameters
     ----------

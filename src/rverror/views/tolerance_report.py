@@ -62,7 +62,7 @@ def yields(found: Verified, closed: Sequence[float | None]) -> dict[str, Variabl
 def yield_words(found: Verified) -> Iterator[str]:
     """How many units were solved, and what the quantiles are of."""
     if found.failures:
-        yield f"{len(found.failures)} units have no equilibrium and count as bad: {found.failures[0]}."
+        yield f"Bad, as they have no equilibrium: {count_of(len(found.failures), 'unit')}, {found.failures[0]}."
     first = found.limits[0]
     yield (
         f"Under load: {first.units} new virtual units, seed {found.seed}, each solved by the equilibrium, contacts "
