@@ -65,9 +65,8 @@ def noise_of(
     rest = _filled(residual, kept) * math.sqrt(used / max(used - fitted, 0.5 * used))
     if calm:
         by_lags = burg(rest, min(_MOST_LAGS, n // 20), floor=floor)
-        return (
-            _wandering([by_lags[lags] for lags in _LAGS if lags < len(by_lags)], rest) if by_criterion else by_lags[-1]
-        )
+        few = [by_lags[lags] for lags in _LAGS if lags < len(by_lags)]
+        return _wandering(few, rest) if by_criterion else by_lags[-1]
     pieces = [rest[part] - rest[part].mean() for part in parts] or [rest]
     spectra, least = [_periodogram(piece) for piece in pieces], min(piece.size for piece in pieces)
     # of a short run fewer: many lags would follow a line that no model explains
@@ -110,13 +109,13 @@ def walking(noise: RunNoise, residual: Array, kept: Flags) -> RunNoise:
     kept : ndarray of bool, shape (n,)
     """
     squares, shape = _waves_of_walk(noise, _filled(residual, kept))
-    most, found = 0.0, 0.0
-    for size in np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]:
+
+    def gain(size: float) -> float:
         excess = size * shape
-        gain = float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
-        if gain > most:
-            most, found = gain, math.sqrt(size)
-    return replace(noise, walk=found)
+        return float((squares * excess / (1 + excess)).sum() - np.log1p(excess).sum())
+
+    sizes = np.geomspace(0.1, squares.size, _WALKS) ** 2 / shape[0]
+    return replace(noise, walk=math.sqrt(max((0.0, *sizes), key=gain)))
 
 
 def _waves_of_walk(noise: RunNoise, residual: Array) -> tuple[Array, Array]:
@@ -250,10 +249,8 @@ class Whitening:
     @cached_property
     def _basis(self) -> Array:
         """Of what is to be taken out, shape (b, n)."""
-        dropped = np.flatnonzero(~self.kept)
-        units = np.zeros((dropped.size, self.kept.size))
-        units[np.arange(dropped.size), dropped] = 1
-        rows = self.filtered(np.concatenate([self.nuisance, units]))
+        dropped = np.flatnonzero(~self.kept)[:, None] == np.arange(self.kept.size)  # a unit row of each
+        rows = self.filtered(np.concatenate([self.nuisance, dropped.astype(np.float64)]))
         size = np.linalg.norm(rows, axis=1)
         shows = size > 1e-9 * max(float(size.max(initial=0.0)), 1e-300)
         return np.ascontiguousarray(np.linalg.qr((rows[shows] / size[shows, None]).T)[0].T)

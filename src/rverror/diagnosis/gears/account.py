@@ -175,11 +175,11 @@ def shared(fit: Fit, squares: float) -> float:
 
 def half_widths(fit: Fit, beside: Sequence[Fit] = ()) -> list[float]:
     """Half widths of the intervals of all values, which reach as far as those of fits that do as well."""
-    own, values = np.array([fit.run_set.half_width(float(one)) for one in spread(fit)]), _values(fit)
-    for other in beside:
-        theirs = np.array([other.run_set.half_width(float(one)) for one in spread(other)])
-        own = np.maximum(own, np.abs(_values(other) - values) + theirs)
-    return [float(one) for one in own]
+    reach = [
+        np.abs(_values(one) - _values(fit)) + [one.run_set.half_width(float(own)) for own in spread(one)]
+        for one in (fit, *beside)
+    ]
+    return [float(one) for one in np.max(reach, axis=0)]
 
 
 def _values(fit: Fit) -> Array:
@@ -231,11 +231,10 @@ def _orders(fit: Fit, number: int) -> tuple[float, ...]:
 def line_estimates(fit: Fit, left: Sequence[LineFound]) -> tuple[Line, ...]:
     """Free lines of the fit and significant lines that are left, the strongest first."""
     policy = fit.run_set.policy
-    rests = fit.residual
     found = list(left)
     for order in fit.run_set.lines:
         bare = [replace(r, orders=tuple(o for o in r.orders if o != order)) for r in fit.run_set.records]
-        found.append(line_at(bare, rests, order))
+        found.append(line_at(bare, fit.residual, order))
     turns = max(r.turns for r in fit.run_set.records)
     result = []
     for line in found:
@@ -346,24 +345,15 @@ def _traces(runs: Sequence[Run], printed: Fit, fit: Fit) -> list[Trace]:
         rows = np.stack(
             [record.error, record.error - before[at], record.error - after[at], out_before[at], out_after[at]]
         )
-        aside = np.setdiff1d(np.flatnonzero(~record.kept), record.absent)
+        torque = None if isinstance(record.torque, TorqueWaves) else record.torque
+        aside = record.theta[np.setdiff1d(np.flatnonzero(~record.kept), record.absent)]
+        slips = record.theta[list(record.slips)]
         for sense in record.senses:
             theta, mean = _turned_over(record, rows, record.kept & (record.direction == sense))
             measured, first, last = (row - row.mean() for row in mean[:3])
+            left = mean[3], mean[4]
             result.append(
-                Trace(
-                    record.name,
-                    sense,
-                    theta,
-                    measured,
-                    first,
-                    last,
-                    None if isinstance(record.torque, TorqueWaves) else record.torque,
-                    run.index,
-                    (mean[3], mean[4]),
-                    record.theta[aside],
-                    record.theta[list(record.slips)],
-                )
+                Trace(record.name, sense, theta, measured, first, last, torque, run.index, left, aside, slips)
             )
     return result
 

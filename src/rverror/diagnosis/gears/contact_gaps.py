@@ -41,7 +41,7 @@ class ContactGaps:
         return [
             other
             for other, rows, share in self._sized(effect, candidates)
-            if share < _ROUNDING or (own is not None and _apart(rows, own) < _ROUNDING)
+            if share < _ROUNDING or (own is not None and _nearest(rows, own)[1] < _ROUNDING)
         ]
 
     def near(self, effect: Effect, candidates: Sequence[Named]) -> list[Effect]:
@@ -59,9 +59,7 @@ class ContactGaps:
             rows = self.of(name)
             if own is None or rows is None or identity(name) == named(effect):
                 continue
-            gaps = np.array(effect.values) @ own
-            sizes = np.linalg.lstsq(rows.T, gaps, rcond=1e-9)[0]
-            share = float(np.linalg.norm(gaps - sizes @ rows) / max(float(np.linalg.norm(gaps)), 1e-300))
+            sizes, share = _nearest(np.array(effect.values) @ own, rows)
             yield Effect(name[0], dict(name[1]), tuple(map(float, sizes))), rows, share
 
     def of(self, cause: Named) -> Array | None:
@@ -88,7 +86,7 @@ class ContactGaps:
         return Geometry(motion)
 
 
-def _apart(rows: Array, others: Array) -> float:
-    """Share of rows that no combination of others makes."""
-    sizes = np.linalg.lstsq(others.T, rows.T, rcond=1e-9)[0]
-    return float(np.linalg.norm(rows - sizes.T @ others) / max(float(np.linalg.norm(rows)), 1e-300))
+def _nearest(gaps: Array, rows: Array) -> tuple[Array, float]:
+    """Sizes of rows that come nearest to some gaps, (n,) or (k, n), and the share of these that no sizes make."""
+    sizes = np.asarray(np.linalg.lstsq(rows.T, gaps.T, rcond=1e-9)[0].T, dtype=np.float64)
+    return sizes, float(np.linalg.norm(gaps - sizes @ rows) / max(float(np.linalg.norm(gaps)), 1e-300))

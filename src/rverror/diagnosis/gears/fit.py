@@ -93,9 +93,7 @@ class RunSet:
     def of(unit: Mechanism, records: Sequence[Record], policy: Policy, *, points: int, anywhere: bool) -> RunSet:
         """Runs with grids of so many angles a turn."""
         conditions, which = conditions_of(records, points, anywhere=anywhere)
-        loaded = any(r.torque for r in records)
-        refit = loaded and policy.refit_stiffness
-        soft = np.array([refit] * 9 + [loaded])
+        soft = soft_flags(policy, loaded=any(r.torque for r in records))
         return RunSet(unit, tuple(records), tuple(conditions), tuple(which), policy, soft, anywhere=anywhere)
 
     def with_records(self, records: Sequence[Record]) -> RunSet:
@@ -192,6 +190,8 @@ class RunSet:
 
     def noise_in(self, record: Record, rest: Array, fitted: float, *, calm: bool = False) -> RunNoise:
         """Noise of what so many sizes leave of a run, `calm` where nothing else is left."""
+        # of less than half a turn of the crank the wave is a bow, as noise with memory makes
+        bow = self.sampled and not self.linear and 2 * record.turns * fundamental_orders(self.gears)["crank"] < 1
         return noise_of(
             rest,
             record.kept,
@@ -200,14 +200,8 @@ class RunSet:
             calm=calm,
             by_criterion=self.linear,
             parts=record.sides,
-            white=self.within_a_wave(record),
+            white=bow,
         )
-
-    def within_a_wave(self, record: Record) -> bool:
-        """Tell whether a run holds less than half a turn of the crank: its wave is then a bow, as noise with memory
-        makes."""
-        reducer = self.sampled and not self.linear
-        return reducer and 2 * record.turns * fundamental_orders(self.gears)["crank"] < 1
 
     def framed(self, order: float, apart: float) -> bool:
         """Tell whether an order is that of a part, or lies nearer to one than so much."""
@@ -430,11 +424,15 @@ class Fit:
         gram, free = self.gram / self.scale, self.free
         result = np.zeros_like(gram)
         if free.any():
-            whole = gram[np.ix_(free, free)] + np.diag(self.weights[free])
-            scale = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-            inverse = np.linalg.pinv(whole / np.outer(scale, scale), rcond=1e-13, hermitian=True)
-            result[np.ix_(free, free)] = inverse / np.outer(scale, scale)
+            result[np.ix_(free, free)] = inverted(gram[np.ix_(free, free)] + np.diag(self.weights[free]), 1e-13)
         return result
+
+
+def inverted(matrix: Array, least: float) -> Array:
+    """Inverse of a Gram matrix with priors, all values in units of their own: what shares less than `least` is none."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(matrix / scale, rcond=least, hermitian=True) / scale)
 
 
 def as_compared(objective: float) -> float:
@@ -456,6 +454,11 @@ def _gears(unit: Mechanism) -> Reducer:
     """The reducer whose contacts give way."""
     assert isinstance(unit, Reducer)
     return unit
+
+
+def soft_flags(policy: Policy, *, loaded: bool) -> Flags:
+    """Which of `SOFTENING` are refitted: none without a load, and under one the curvature of profiles in any case."""
+    return np.array([loaded and policy.refit_stiffness] * 9 + [loaded])
 
 
 def soft_spread(unit: Reducer) -> list[float]:
@@ -520,13 +523,10 @@ def stepped(model: Model, step: Array) -> Model:
     """The model with all values and compliances changed by a step."""
     effects, at = [], 0
     for effect in model.effects:
-        count = len(effect.values)
         least = [p.least for p in source(effect.key).parameters]
-        values = tuple(
-            max(float(v + s), low) for v, s, low in zip(effect.values, step[at : at + count], least, strict=True)
-        )
-        effects.append(replace(effect, values=values))
-        at += count
+        values = np.maximum(np.add(effect.values, step[at : at + len(effect.values)]), least)
+        effects.append(replace(effect, values=tuple(values.tolist())))
+        at += len(effect.values)
     unit, change = model.mechanism, step[at : at + len(SOFTENING)]
     return replace(model, mechanism=softened(_gears(unit), change) if change.any() else unit, effects=tuple(effects))
 

@@ -70,9 +70,8 @@ def fall(before: Fit, after: Fit) -> float:
 
 def _made_by(record: Record, at: Flags) -> Array:
     """All that some samples of a run can make, whitened: an orthonormal basis, shape (n, k)."""
-    units = np.zeros((int(at.sum()), at.size))
-    units[np.arange(len(units)), np.flatnonzero(at)] = 1
-    return np.linalg.qr(record.whiten(units).T)[0]
+    units = np.flatnonzero(at)[:, None] == np.arange(at.size)
+    return np.linalg.qr(record.whiten(units.astype(np.float64)).T)[0]
 
 
 def _squares(record: Record, fit: Fit, number: int, basis: Array) -> float:

@@ -27,7 +27,7 @@ from rverror.diagnosis.gears.waveform import Waveform
 from rverror.geartrain.mechanism import Mechanism
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
-from rverror.statics.loaded_state import NotConvergedError
+from rverror.statics.loaded_state import each_solved
 
 T = TypeVar("T")
 
@@ -53,10 +53,8 @@ def equivalents(effect: Effect, unit: Mechanism) -> list[Effect]:
     entry, found = source(effect.key), []
     if entry.starts and all(p.least < 0 for p in entry.parameters):
         found.append(replace(effect, values=tuple(-v for v in effect.values)))
-    choices = []
-    for index in entry.indices:
-        value = effect.indices[index.name]
-        choices.append([(value, 1.0), *index.equivalents(unit, value)])
+    at = [(index, effect.indices[index.name]) for index in entry.indices]
+    choices = [[(value, 1.0), *index.equivalents(unit, value)] for index, value in at]
     for combined in list(product(*choices))[1:]:
         indices = {index.name: value for index, (value, _) in zip(entry.indices, combined, strict=True)}
         sign = math.prod(s for _, s in combined)
@@ -119,13 +117,10 @@ class Starts:
         base = run_set.solve(self.declared) if new or where not in self._plain else []
         plain = self._plain.setdefault(where, [wave.bare for wave in base])
 
-        def solve(name: object) -> list[Waveform] | None:
-            try:
-                return [wave.bare for wave in run_set.solve(self.declared.with_effects(starts[name]), base)]
-            except NotConvergedError:
-                return None
+        def solve(name: object) -> tuple[object, list[Waveform]]:
+            return name, [wave.bare for wave in run_set.solve(self.declared.with_effects(starts[name]), base)]
 
-        self._made |= zip(new, each(solve, new), strict=True)
+        self._made |= dict.fromkeys(new) | dict(each_solved(solve, new))
         self.solved += len(new)
         return plain, [(effect, waves) for name, effect in starts.items() if (waves := self._made[name])]
 
@@ -187,7 +182,7 @@ class Moves:
         Linear steps begin at the sizes as declared, since fitted ones have moved to make up for what is missing; of a
         set that nearly fits at the fitted ones as well.
         """
-        (plain, linear), cost = self._plain(one), self.score.cost
+        (plain, linear), cost = self.influences(one, declared=True), self.score.cost
         offers = singles(plain, linear, cost)
         if not one.names:
             self._leading = offers
@@ -202,7 +197,7 @@ class Moves:
     def two_more(self, one: Hypothesis) -> Iterator[Trial]:
         """Two causes more at once."""
         if self._room(one) > 1:
-            plain, linear = self._plain(one)
+            plain, linear = self.influences(one, declared=True)
             both = linear + self._starts(plain, self.starting(with_crank=True))
             yield from self._offered(one, plain.model, pairs(plain, both, self.score.cost, most=_OFFERED))
 
@@ -221,7 +216,7 @@ class Moves:
         """One cause more, or two, of which one at least begins at a start of some candidates."""
         if not names:
             return
-        (plain, linear), cost = self._plain(one), self.score.cost
+        (plain, linear), cost = self.influences(one, declared=True), self.score.cost
         starts = self._starts(plain, names)
         yield from self._offered(one, plain.model, singles(plain, starts, cost))
         if in_pairs and self._room(one) > 1:
@@ -280,10 +275,10 @@ class Moves:
         """One cause more that sizes and stiffness hide, which have moved to make up for it: seen from where they were
         declared, and from where they are."""
         if self._room(one):
-            (fit, blocks), (plain, linear), cost = self.influences(one), self._plain(one), self.score.cost
+            (fit, blocks), (plain, linear) = self.influences(one), self.influences(one, declared=True)
             starts = self._starts(plain, self.starting(with_crank=True))
             for state, some in ((fit, blocks), (plain, linear), (plain, starts)):
-                offers = [offer for offer in singles(state, some, cost) if offer.score < offer.without]
+                offers = [o for o in singles(state, some, self.score.cost) if o.score < o.without]
                 yield from self._offered(one, state.model, offers)
 
     def same_gaps(self, one: Hypothesis) -> Iterator[Trial]:
@@ -388,16 +383,11 @@ class Moves:
     def _room(self, one: Hypothesis) -> int:
         return self.score.policy.most_effects - len(one.fit.added)
 
-    def influences(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
-        """A set on few angles, and every candidate's influence there."""
-        return self._lately(one, declared=False)
+    def influences(self, one: Hypothesis, *, declared: bool = False) -> tuple[Fit, list[Columns]]:
+        """A set on few angles, or with all declared sizes as declared, and every candidate's influence there.
 
-    def _plain(self, one: Hypothesis) -> tuple[Fit, list[Columns]]:
-        """The same with all declared sizes as declared."""
-        return self._lately(one, declared=True)
-
-    def _lately(self, one: Hypothesis, *, declared: bool) -> tuple[Fit, list[Columns]]:
-        """What is made of a set, kept until it is made of another: influences are large."""
+        Kept until they are made of another: influences are large.
+        """
         kept = self._last.get(declared)
         if kept is None or kept[0] is not one.fit.gram:
             fit = onto(one.fit.run_set.coarse, one.fit)
@@ -418,7 +408,7 @@ class Moves:
     def leading(self) -> list[Offer]:
         """Candidates beside what is declared by a linear step, the best first."""
         if not self._leading:
-            self._leading = singles(*self._plain(self.root), self.score.cost)
+            self._leading = singles(*self.influences(self.root, declared=True), self.score.cost)
         return self._leading
 
     def starting(self, *, with_crank: bool | None = None) -> tuple[Named, ...]:

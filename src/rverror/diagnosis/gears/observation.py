@@ -168,8 +168,7 @@ class MeanSamples(EverySample):
 
     @cached_property
     def _kept(self) -> Flags:
-        labels, _ = self._labels
-        return np.asarray(np.bincount(labels, self.record.kept) > 0)
+        return np.asarray(np.bincount(self._labels[0], self.record.kept) > 0)
 
     @cached_property
     def means(self) -> scipy.sparse.csr_array:

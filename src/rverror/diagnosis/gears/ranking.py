@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.causes import Named, identity
-from rverror.diagnosis.gears.fit import Fit, bounds, counted
+from rverror.diagnosis.gears.fit import Fit, bounds, counted, inverted
 from rverror.model.catalogue import source
 
 _REGULAR = 1e-9  # of two blocks that are as good as one
@@ -143,9 +143,8 @@ def pairs(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float], *
         least, steps = np.where(better, objective, least), np.where(better, step, steps)
         worth = np.where(better, own, worth)
     costs = np.array([cost(block.name) for block in small])
-    names = [identity(block.name) for block in small]
-    number = {name: at for at, name in enumerate(dict.fromkeys(names))}
-    own = np.array([number[name] for name in names])
+    first = dict[object, int]()  # of the blocks of a name
+    own = np.array([first.setdefault(identity(block.name), at) for at, block in enumerate(small)])
     apart = (own[:, None] < own) & np.isfinite(least) & np.isfinite(least.T)
     score = np.where(apart, least + worth + costs[:, None] + costs, math.inf)
     found, seen = list[Offer](), set[tuple[int, int]]()
@@ -224,8 +223,7 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, whole: bool) -> list[_Re
     for scale in np.geomspace(fit.scale, 1.0, SCALES if fit.scale > 1 else 1):
         matrix = fit.gram[free][:, free] / scale + np.diag(fit.pull[free])
         right = fit.moment[free] / scale - (fit.pull * fit.departure)[free]
-        size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+        inverse = inverted(matrix, 1e-12)
         squares = fit.bound + policy.regular * (scale - 1)  # at which a square counts so much less
         tangent = counted(squares, fit.bound, policy) + (fit.data - squares) / scale
         constant = tangent + fit.prior - float(right @ inverse @ right)

@@ -256,11 +256,8 @@ def levelled(error: Array, light: Flags) -> Array:
     found = error.copy()
     for first, after in _zones(light):
         if first and after < error.size:
-            before, behind = (
-                float(np.median(found[part]))
-                for part in (slice(max(first - _BESIDE, 0), first), slice(after, after + _BESIDE))
-            )
-            found[after:] += before - behind
+            before = np.median(found[max(first - _BESIDE, 0) : first])
+            found[after:] += before - np.median(found[after : after + _BESIDE])
             found[first:after] = np.linspace(found[first - 1], found[after], after - first + 2)[1:-1]
     return found
 

@@ -125,13 +125,10 @@ def searched_repeatedly(search: Search, noise_rule: NoiseRule | None = None) -> 
     policy = search.policy
     for _ in range(policy.looks):
         fit = onto(best.fit.run_set.anchored(best.fit.model.index_offset), best.fit)
-        calm = nearly_noise(fit)  # in a residual that is more than noise, kinks would be faults
-        least = policy.by_chance * policy.model_error
-        changed = (
-            without_residual_faults(fit.run_set.records, fit.residual, least=least)
-            if calm and not fit.run_set.linear
-            else None
-        )
+        changed = None
+        if not fit.run_set.linear and nearly_noise(fit):  # in a residual that is more than noise, kinks would be faults
+            least = policy.by_chance * policy.model_error
+            changed = without_residual_faults(fit.run_set.records, fit.residual, least=least)
         seen = fit if changed is None else onto(fit.run_set.with_records(changed), fit)
         if noise_rule:
             latest = noise_rule(search, best, seen)

@@ -259,10 +259,8 @@ class Search:
         records = one.fit.run_set.records
         if one.slow or not one.fit.run_set.settles:
             return False
-        slow = [r.settling for r in records]
-        return (
-            explained(records, one.fit.residual, slow)[0] > self.score.regular(one.fit, 0, slow=True) + self.score.sure
-        )
+        squares, _ = explained(records, one.fit.residual, [r.settling for r in records])
+        return squares > self.score.regular(one.fit, 0, slow=True) + self.score.sure
 
     def pruned(self, one: Hypothesis) -> Hypothesis:
         """A set without what does not stand in it, even if what is left is not complete.
@@ -317,7 +315,8 @@ class Search:
             gains = [one for one in self.known.values() if one.score <= self.root.score]
             alike = sorted((one for one in gains if len(one.fit.added) == size), key=lambda one: one.score)
             for one in alike[: self._width]:
-                if self._race_other_places(one):
+                # a set that mostly fits is raced with its causes elsewhere
+                if one.fit.added and self.moves.mostly(one) and self.expand(one, self._other_places):
                     found = True
                     if self.complete(self._leader):
                         return True
@@ -332,10 +331,6 @@ class Search:
         if len(one.fit.added) < self.policy.most_effects:
             return [self._one_more, moves.two_more, moves.from_all_starts, self._with_late_line]
         return [self._exchanges, self._with_late_line] if moves.mostly(one) else [self._with_late_line]
-
-    def _race_other_places(self, one: Hypothesis) -> bool:
-        """Race a set that mostly fits with its causes elsewhere."""
-        return bool(one.fit.added) and self.moves.mostly(one) and self.expand(one, self._other_places)
 
     def expand(self, one: Hypothesis, kind: Callable[[Hypothesis], Iterator[Trial]]) -> bool:
         """Put moves from a set into the queue, once."""

@@ -145,8 +145,7 @@ def _strongest(
     if uncalled_for is not None and all(map(uncalled_for, orders[peak])):
         return None
     for at in peak[np.argsort(-total[peak])][:40]:
-        near = policy.taken / turns
-        if any(abs(orders[at] - o) < near for r in records for o in r.orders):
+        if any(abs(orders[at] - o) < policy.taken / turns for r in records for o in r.orders):
             continue
         line = _sharpened(records, rests, float(orders[at]), turns)
         if line.power > limit and (line.order > slow or _beside_a_walk(records, rests, line.order) > limit):

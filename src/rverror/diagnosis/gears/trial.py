@@ -9,7 +9,7 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.diagnosis.causes import named
-from rverror.diagnosis.gears.fit import Fit, evaluated, fitted
+from rverror.diagnosis.gears.fit import Fit, as_compared, evaluated, fitted
 from rverror.diagnosis.gears.score import Hypothesis, Score
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
@@ -92,10 +92,8 @@ class Trial:
             fit = fitted(self.fit, steps=_STEPS[self.taken - 1], enough=0.5)
         promised = score.of(fit).score - fit.proposal[1]
         # what few angles and means make of the origin is common to both
-        beyond = origin.score - score.of(origin.coarse).score
-        return replace(
-            self, model=fit.model, fit=fit.without_rows, score=round(promised + beyond, 6), taken=self.taken + 1
-        )
+        reached = as_compared(promised + (origin.score - score.of(origin.coarse).score))
+        return replace(self, model=fit.model, fit=fit.without_rows, score=reached, taken=self.taken + 1)
 
 
 def distinct(trials: Sequence[Trial], most: int) -> list[Trial]:

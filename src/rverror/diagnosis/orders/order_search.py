@@ -253,8 +253,7 @@ def refitted(fit: Fit, state: Linear) -> Fit:
     step[state.free] = state.best[: int(state.free.sum())]
     for share in (1.0, 0.5, 0.0):  # what bends so much that it does not stand is begun nearer to nothing
         sized = [replace(e, values=tuple(share * v for v in e.values)) for e in effects]
-        model = stepped(fit.model, share * step)
-        model = replace(model, effects=(*model.effects, *sized))
+        model = stepped(fit.model, share * step).with_effects(*sized)
         try:
             return fitted(evaluated(fit.run_set, model, fit.declared, fit.waves), steps=_STEPS, enough=1.0)
         except NotConvergedError:
@@ -269,10 +268,8 @@ def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: b
     trials = sorted((t for t in trials if t.possible()), key=lambda t: t.objective)
     policy = state.run_set.policy
     for trial in trials[:_MOST]:
-        block = trial.blocks[-1]
-        if state.objective - trial.objective < chi_square(
-            policy.false_alarm / max(len(pool), 1), len(block.directions)
-        ):
+        block, gain = trial.blocks[-1], state.objective - trial.objective
+        if gain < chi_square(policy.false_alarm / len(pool), len(block.directions)):
             return None
         beyond = state.squares > state.run_set.most_of_noise
         if claims and beyond.any() and not _takes(state, block, beyond):
@@ -280,7 +277,7 @@ def _next(state: Linear, pool: Sequence[Columns], journal: Journal, *, claims: b
         elif trial.left_out_squares > state.left_out_squares:
             journal.note("fell", block.name, "loads that its sizes did not see are predicted worse with it")
         else:
-            journal.note("added", block.name, f"lowers the objective by {state.objective - trial.objective:.3g}")
+            journal.note("added", block.name, f"lowers the objective by {gain:.3g}")
             return trial
     return None
 
@@ -347,10 +344,6 @@ def chance(fit: Fit, number: int) -> tuple[float, float, float]:
     before, after = Linear(bare).squares, Linear(fit).squares
     sizes = len(fit.added[number].values)
     values = float(run_set.values[1][at])
-    share = 1 - after[at] / max(float(before[at]), 1e-300)
-    share = min(max(share, 0.0), 1.0)
-    return (
-        float(run_set.orders[at]),
-        share,
-        1.0 if sizes >= values else float(scipy.special.betaincc(sizes / 2, (values - sizes) / 2, share)),
-    )
+    share = min(max(1 - after[at] / max(float(before[at]), 1e-300), 0.0), 1.0)
+    odds = 1.0 if sizes >= values else float(scipy.special.betaincc(sizes / 2, (values - sizes) / 2, share))
+    return float(run_set.orders[at]), share, odds

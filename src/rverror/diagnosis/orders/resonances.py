@@ -322,9 +322,8 @@ def _likelier(
         rows = growth(own.frequency, natural[:, None], damping[:, None])
         resonant += unlikely(_left(own.beside, own.waves, rows))
         for row, factor in zip(at_speed, per_hertz, strict=True):
-            row += unlikely(
-                _left(own.beside, own.waves, growth(own.speed, factor * natural[:, None], damping[:, None]))
-            )
+            there = growth(own.speed, factor * natural[:, None], damping[:, None])
+            row += unlikely(_left(own.beside, own.waves, there))
         steps = [own.speed - speeds > -1e-9, np.abs(own.speed - speeds) < 1e-9]
         rivals = [_left(own.smooth(2), own.waves), *(_left(line, own.waves, kind.astype(complex)) for kind in steps)]
         others += unlikely(np.concatenate(rivals))

@@ -19,7 +19,7 @@ from rverror.base.arrays import Array
 from rverror.base.errors import InputError
 from rverror.base.units import ARCSEC
 from rverror.diagnosis.causes import Named
-from rverror.diagnosis.gears.fit import RunSet
+from rverror.diagnosis.gears.fit import RunSet, soft_flags
 from rverror.diagnosis.gears.grid import AngleGrid, whole
 from rverror.diagnosis.gears.observation import Observation
 from rverror.diagnosis.gears.record import Record
@@ -241,17 +241,14 @@ def table_set(
     loads = [None if torque is None or not least else max(torque, least) for torque in torques]
     keys = [(case.condition.direction, load) for case, load in zip(cases, loads, strict=True)]
     distinct = list(dict.fromkeys(keys))
-    loaded = bool(least)
-    refit = loaded and policy.refit_stiffness
     return TableSet(
         unit=unit,
-        records=cast(
-            "tuple[Record, ...]", tuple(map(TableRow, loads))
-        ),  # of which a fit asks no more than a `TableRow` has
+        # of which a fit asks no more than a `TableRow` has
+        records=cast("tuple[Record, ...]", tuple(map(TableRow, loads))),
         conditions=tuple(LoadCase(*key, turn) for key in distinct),
         which=tuple(map(distinct.index, keys)),
         policy=policy,
-        soft=np.array([refit] * 9 + [loaded]),
+        soft=soft_flags(policy, loaded=bool(least)),
         anywhere=anywhere,
         prior=prior,
         cases=tuple(cases),

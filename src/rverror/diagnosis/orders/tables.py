@@ -104,7 +104,7 @@ def diagnose_tables(
     causes = fitted(evaluated(scattered, found.model, model, whole.waves), steps=8, enough=1.0)
     tell("describing what no cause accounts for")
     laws = described(evaluated(plain, causes.model, model, causes.waves), laws_of(model, plain), journal)
-    result = replace(causes.model, effects=(*causes.model.effects, *laws.effects()))
+    result = causes.model.with_effects(*laws.effects())
     final = evaluated(plain, result, model, causes.waves)
     as_printed = evaluated(plain, replace(model, effects=final.printed), model)
     refitted = evaluated(plain, root.model, model)
@@ -181,23 +181,21 @@ def _conditions(cases: Sequence[OrderCase]) -> list[str]:
     """What the conditions do not tell."""
     at = [case.condition for case in cases]
     torques = {c.torque for c in at}
-    notes = {
-        "one direction only: causes that share an order cannot be told apart; add the other direction": (
-            len({c.direction for c in at}) == 1
-        ),
-        "no output_torque: predicted by the closed form (rigid, all loaded pins in contact)": None in torques,
-        "one load only: compliance and rigid part errors cannot be told apart; add loads": (
-            len(torques) == 1 and None not in torques
-        ),
-        "conditions differ in speed, which the model does not know: what the natural frequencies add is taken off the "
-        "waves as far as their laws tell it; near others an order is larger than any load makes it": (
-            len({c.input_speed for c in at}) > 1
-        ),
-        "conditions differ in temperature, which the model knows as thermal.growth only": (
-            len({c.temperature for c in at}) > 1
-        ),
-    }
-    return [note for note, holds in notes.items() if holds]
+    notes = []
+    if len({c.direction for c in at}) == 1:
+        notes.append("one direction only: causes that share an order cannot be told apart; add the other direction")
+    if None in torques:
+        notes.append("no output_torque: predicted by the closed form (rigid, all loaded pins in contact)")
+    elif len(torques) == 1:
+        notes.append("one load only: compliance and rigid part errors cannot be told apart; add loads")
+    if len({c.input_speed for c in at}) > 1:
+        notes.append(
+            "conditions differ in speed, which the model does not know: what the natural frequencies add is taken off "
+            "the waves as far as their laws tell it; near others an order is larger than any load makes it"
+        )
+    if len({c.temperature for c in at}) > 1:
+        notes.append("conditions differ in temperature, which the model knows as thermal.growth only")
+    return notes
 
 
 def _some_of(cases: Sequence[OrderCase]) -> list[int]:

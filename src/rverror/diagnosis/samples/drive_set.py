@@ -114,9 +114,8 @@ class DriveSet(RunSet):
         for name, rows in record.slowly.items():
             at = slice(first, first + len(rows))
             first += len(rows)
-            if float(sizes[at] @ np.linalg.solve(covariance[at, at], sizes[at])) < chi_square(
-                self.policy.false_alarm, len(rows)
-            ):
+            squares = float(sizes[at] @ np.linalg.solve(covariance[at, at], sizes[at]))
+            if squares < chi_square(self.policy.false_alarm, len(rows)):
                 continue
             size = to_display(float(np.ptp(sizes[at] @ rows)) * record.unit, record.quantity)
             notes.append(

@@ -114,10 +114,8 @@ def records_of_drive(model: Model, runs: Sequence[Run]) -> tuple[list[DriveRecor
 def _rounding(run: Run, drive: Drive, name: str) -> list[str]:
     """What is to be noted of an error that is no more than the rounding of an angle: uniform, a step wide."""
     found = []
-    for what, angle, over in (
-        ("output_angle", run.output_angle, 1.0),
-        ("input_angle", run.input_angle, abs(drive.ratio)),
-    ):
+    angles = ("output_angle", run.output_angle, 1.0), ("input_angle", run.input_angle, abs(drive.ratio))
+    for what, angle, over in angles:
         step = 0.0 if angle is None or run.te_column is not None else _step(angle) / over
         if float(np.std(run.error(drive))) < _ROUNDED * step / math.sqrt(12):
             found.append(
