@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from rverror.geartrain.source import IndexValue
 from rverror.model.effects import Effect
@@ -14,6 +14,11 @@ Named = tuple[str, Mapping[str, IndexValue]]
 def identity(name: Named) -> tuple[object, ...]:
     """Key and indices, to compare."""
     return (name[0], *sorted(name[1].items()))
+
+
+def caused(name: Named, sizes: Iterable[float]) -> Effect:
+    """Effect of a key and indices, of some sizes."""
+    return Effect(name[0], dict(name[1]), tuple(map(float, sizes)))
 
 
 def named(effect: Effect) -> tuple[object, ...]:

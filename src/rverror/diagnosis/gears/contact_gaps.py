@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from rverror.base.arrays import Array
-from rverror.diagnosis.causes import Named, identity, named
+from rverror.diagnosis.causes import Named, caused, identity, named
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts
 from rverror.geartrain.contacts import pose
 from rverror.geartrain.mechanism import Reducer
@@ -60,7 +60,7 @@ class ContactGaps:
             if own is None or rows is None or identity(name) == named(effect):
                 continue
             sizes, share = _nearest(np.array(effect.values) @ own, rows)
-            yield Effect(name[0], dict(name[1]), tuple(map(float, sizes))), rows, share
+            yield caused(name, sizes), rows, share
 
     def of(self, cause: Named) -> Array | None:
         """Gaps per parameter of a source, at some angles; None where it closes none of its own."""

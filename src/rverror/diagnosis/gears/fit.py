@@ -266,11 +266,8 @@ class RunSet:
     @cached_property
     def observations(self) -> tuple[Observation, ...]:
         """How each record is looked at."""
-        together = self.together or (1,) * len(self.records)
-        return tuple(
-            MeanSamples(r, count) if count > 1 else EverySample(r)
-            for r, count in zip(self.records, together, strict=True)
-        )
+        both = zip(self.records, self.together or (1,) * len(self.records), strict=True)
+        return tuple(MeanSamples(r, count) if count > 1 else EverySample(r) for r, count in both)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,9 @@ import numpy as np
 
 from rverror.base.arrays import Array
 from rverror.base.threads import each
-from rverror.diagnosis.causes import Named, identity, named
+from rverror.diagnosis.causes import Named, caused, identity, named
 from rverror.diagnosis.gears.contact_gaps import ContactGaps
-from rverror.diagnosis.gears.fit import Fit, RunSet, as_declared, evaluated, onto, without_effect
+from rverror.diagnosis.gears.fit import Fit, RunSet, as_compared, as_declared, evaluated, onto, without_effect
 from rverror.diagnosis.gears.ranking import Columns, Offer, columns_of, pairs, singles
 from rverror.diagnosis.gears.score import Hypothesis, Score
 from rverror.diagnosis.gears.trial import Trial
@@ -41,10 +41,9 @@ _MOST_MOVES = 60  # sets of equivalent places: three causes, each in three other
 def with_offer(model: Model, offer: Offer) -> Model:
     """The model with candidates at the sizes of an offer, none far beyond what a workshop makes."""
     effects = []
-    for (key, indices), sizes in zip(offer.names, offer.sizes, strict=True):
-        most = np.array([0.7 * p.plausible for p in source(key).parameters])
-        within = sizes / max(1.0, float((np.abs(sizes) / most).max()))
-        effects.append(Effect(key, dict(indices), tuple(map(float, within))))
+    for name, sizes in zip(offer.names, offer.sizes, strict=True):
+        most = np.array([0.7 * p.plausible for p in source(name[0]).parameters])
+        effects.append(caused(name, sizes / max(1.0, float((np.abs(sizes) / most).max()))))
     return model.with_effects(*effects)
 
 
@@ -64,12 +63,8 @@ def equivalents(effect: Effect, unit: Mechanism) -> list[Effect]:
 
 def started(name: Named) -> list[Effect]:
     """A candidate at each of its starts."""
-    key, indices = name
-    plausible = [p.plausible for p in source(key).parameters]
-    return [
-        Effect(key, dict(indices), tuple(float(s * p) for s, p in zip(start, plausible, strict=True)))
-        for start in source(key).starts
-    ]
+    plausible = [p.plausible for p in source(name[0]).parameters]
+    return [caused(name, np.multiply(start, plausible)) for start in source(name[0]).starts]
 
 
 class Once:
@@ -251,11 +246,8 @@ class Moves:
         for at, own in enumerate(places):
             there = {named(place): (place.key, place.indices) for place in own}  # either sign begins alike
             sets += [(*added[:at], e, *added[at + 1 :]) for place in there.values() for e in started(place)]
-        models = [
-            replace(fit.model, effects=(*declared, *one_set))
-            for one_set in sets
-            if len(set(map(named, one_set))) == len(one_set)
-        ]
+        sets = [one_set for one_set in sets if len(set(map(named, one_set))) == len(one_set)]
+        models = [replace(fit.model, effects=(*declared, *one_set)) for one_set in sets]
         models += [marked(fit.model, offset) for offset in self._angles]
         yield from (Trial(model, one.score, one.without_rows) for model in models)
 
@@ -356,14 +348,10 @@ class Moves:
     ) -> list[Trial]:
         """Trials of the best offers beside a set, by what they promise to be better than what is there without them, or
         than a score of its own by the same step."""
-        return [
-            Trial(
-                with_offer(model, offer),
-                round(one.score + offer.score - (offer.without if mine is None else mine), 6),
-                one.without_rows,
-            )
-            for offer in offers[:_OFFERED]
-        ]
+        best = offers[:_OFFERED]
+        scores = [as_compared(one.score + o.score - (o.without if mine is None else mine)) for o in best]
+        both = zip(best, scores, strict=True)
+        return [Trial(with_offer(model, offer), score, one.without_rows) for offer, score in both]
 
     @staticmethod
     def nearly(one: Hypothesis) -> bool:

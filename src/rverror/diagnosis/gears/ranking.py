@@ -114,9 +114,8 @@ def singles(fit: Fit, blocks: Sequence[Columns], cost: Callable[[Named], float])
         return []
     reductions = _reductions(fit, blocks, whole=False)
     steps = np.array([np.linalg.solve(one.seen[:, :, 0], one.moment[..., None])[..., 0] for one in reductions])
-    objectives = np.array(
-        [one.constant - (one.moment * step).sum(1) for one, step in zip(reductions, steps, strict=True)]
-    )
+    both = zip(reductions, steps, strict=True)
+    objectives = np.array([one.constant - (one.moment * step).sum(1) for one, step in both])
     found, without = [], min(one.constant for one in reductions)
     for at, block in enumerate(blocks):
         best = int(objectives[:, at].argmin())
@@ -232,9 +231,8 @@ def _reductions(fit: Fit, blocks: Sequence[Columns], *, whole: bool) -> list[_Re
         v[places] = moment / scale - reach @ right
         if whole:
             seen = np.zeros((len(blocks), width, len(blocks), width))
-            seen[places[0][:, None], places[1][:, None], places[0], places[1]] = (
-                products / scale - reach @ cross.T / scale
-            )
+            beside = products / scale - reach @ cross.T / scale
+            seen[places[0][:, None], places[1][:, None], places[0], places[1]] = beside
         else:
             seen = (products - _own_products(reach, cross, ends, width))[:, :, None] / scale
         numbers = np.arange(len(blocks))

@@ -143,10 +143,9 @@ def tied(one: Resonance, its: Modes, deviations: Array, *, bench: bool) -> str:
         f"{brief(there)} Hz, {brief(there / wide, 3)} to {brief(there * wide, 3)} by what is known of its stiffness "
         f"and inertias, which {verdict}"
     )
-    missing = (
-        "" if bench else "; the model says nothing of what the bench hangs on both ends ([bench]), which may make it"
-    )
-    return said + missing
+    if not bench:
+        said += "; the model says nothing of what the bench hangs on both ends ([bench]), which may make it"
+    return said
 
 
 def _at_ends(found: Sequence[Resonance]) -> list[str]:

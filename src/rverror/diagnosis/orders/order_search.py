@@ -18,7 +18,7 @@ import scipy
 from rverror.base.arrays import Array, Flags
 from rverror.base.chance import chi_square
 from rverror.base.text import describe
-from rverror.diagnosis.causes import Named, identity, named
+from rverror.diagnosis.causes import Named, caused, identity, named
 from rverror.diagnosis.gears.fit import Fit, bounds, evaluated, fitted, solved, stepped, without_effect
 from rverror.diagnosis.gears.ranking import Columns, columns_of
 from rverror.diagnosis.journal import Journal
@@ -151,10 +151,7 @@ class Linear:
 
     def effects(self) -> list[Effect]:
         """Blocks as effects, at their best sizes."""
-        return [
-            Effect(block.name[0], dict(block.name[1]), tuple(map(float, self.sizes(number))))
-            for number, block in enumerate(self.blocks)
-        ]
+        return [caused(block.name, self.sizes(number)) for number, block in enumerate(self.blocks)]
 
     @cached_property
     def covariance(self) -> Array:

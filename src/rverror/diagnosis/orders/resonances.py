@@ -308,25 +308,24 @@ def _likelier(
     That is a parabola over the speed, or a line with a step, or with one speed astray, the same in all series; or
     peaks of several orders at one speed, wherever their frequencies are then.
     """
+
+    def unlikely(own: ResonantSeries, left: Array) -> Array:
+        return own.speed.size * np.log(left + _floor(own, policy))
+
     speeds = np.unique(np.round(np.concatenate([own.speed for own in chosen]), 9))[:, None]
     orders = {own.order for own in chosen}
     resonant, others = np.zeros(natural.size), np.zeros(1 + 2 * speeds.size)
     at_speed = np.zeros((len(orders), natural.size))
     per_hertz = sorted({own.speed[-1] / own.frequency[-1] for own in chosen})[: len(orders)]
     for own in chosen:
-        floor, line = _floor(own, policy), own.smooth(1)
-
-        def unlikely(left: Array, count: int = own.speed.size, floor: float = floor) -> Array:
-            return count * np.log(left + floor)
-
-        rows = growth(own.frequency, natural[:, None], damping[:, None])
-        resonant += unlikely(_left(own.beside, own.waves, rows))
+        line, rows = own.smooth(1), growth(own.frequency, natural[:, None], damping[:, None])
+        resonant += unlikely(own, _left(own.beside, own.waves, rows))
         for row, factor in zip(at_speed, per_hertz, strict=True):
             there = growth(own.speed, factor * natural[:, None], damping[:, None])
-            row += unlikely(_left(own.beside, own.waves, there))
+            row += unlikely(own, _left(own.beside, own.waves, there))
         steps = [own.speed - speeds > -1e-9, np.abs(own.speed - speeds) < 1e-9]
         rivals = [_left(own.smooth(2), own.waves), *(_left(line, own.waves, kind.astype(complex)) for kind in steps)]
-        others += unlikely(np.concatenate(rivals))
+        others += unlikely(own, np.concatenate(rivals))
     best = int(np.argmin(resonant))
     between = any(own.frequency[0] < natural[best] < own.frequency[-1] for own in chosen)  # else it is only one flank
     likelier = resonant[best] < others.min() + math.log(policy.false_alarm)
@@ -359,11 +358,9 @@ def _minimum(left: Callable[..., Array], *ranges: tuple[float, float]) -> tuple[
         axes = [np.geomspace(*ends, _FINE) for ends in ranges]
         total = left(*(grid.ravel() for grid in np.meshgrid(*axes, indexing="ij")))
         least = [int(at) for at in np.unravel_index(int(np.argmin(total)), (_FINE,) * len(axes))]
-        ranges = tuple(
-            (float(axis[max(at - 1, 0)]), float(axis[min(at + 1, _FINE - 1)]))
-            for axis, at in zip(axes, least, strict=True)
-        )
-    return tuple(float(axis[at]) for axis, at in zip(axes, least, strict=True)), float(total.min())
+        both = list(zip(axes, least, strict=True))
+        ranges = tuple((float(axis[max(at - 1, 0)]), float(axis[min(at + 1, _FINE - 1)])) for axis, at in both)
+    return tuple(float(axis[at]) for axis, at in both), float(total.min())
 
 
 def _ends(left: Callable[[float], float], best: float, most: float, edges: tuple[float, float]) -> list[float]:

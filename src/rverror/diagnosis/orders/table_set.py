@@ -205,10 +205,8 @@ class TableSet(RunSet):
     @cached_property
     def observations(self) -> tuple[Observation, ...]:
         """How each condition is looked at."""
-        return tuple(
-            TableObservation(case, sigma, self.conditions[which], self.gears)
-            for case, sigma, which in zip(self.cases, self.sigmas, self.which, strict=True)
-        )
+        three = zip(self.cases, self.sigmas, self.which, strict=True)
+        return tuple(TableObservation(case, sigma, self.conditions[at], self.gears) for case, sigma, at in three)
 
 
 def table_set(

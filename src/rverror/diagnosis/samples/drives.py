@@ -155,10 +155,8 @@ def with_noise_left(search: Search, best: Hypothesis, seen: Fit) -> Fit:
     while now.names:
         parts = search.parts(now)
         fits = each(lambda part: fitted(with_estimated_noise(part.with_rows.fit, calm=True)), parts)
-        gains = [
-            other.deviance - fit.deviance - search.score.by_chance(now, part)
-            for part, other in zip(parts, fits, strict=True)
-        ]
+        both = zip(parts, fits, strict=True)
+        gains = [other.deviance - fit.deviance - search.score.by_chance(now, part) for part, other in both]
         least = int(np.argmin(gains))
         if gains[least] > 0:
             break
