@@ -340,11 +340,7 @@ class Moves:
     # --- what offers are made of --------------------------------------------------------------------------------------
 
     def _offered(
-        self,
-        one: Hypothesis,
-        model: Model,
-        offers: Sequence[Offer],
-        mine: float | None = None,
+        self, one: Hypothesis, model: Model, offers: Sequence[Offer], mine: float | None = None
     ) -> list[Trial]:
         """Trials of the best offers beside a set, by what they promise to be better than what is there without them, or
         than a score of its own by the same step."""

@@ -27,14 +27,7 @@ from rverror.diagnosis.orders.order_search import Linear, chance, conditions_of,
 from rverror.diagnosis.orders.resonances import resonances_of, resonant_parts, slowest, without
 from rverror.diagnosis.orders.table_set import TableSet, joined, noise_of_cases, table_set
 from rverror.diagnosis.policy import POLICY, Policy
-from rverror.diagnosis.result import (
-    Addition,
-    Diagnosis,
-    ElasticEstimate,
-    Line,
-    OrderShare,
-    Residual,
-)
+from rverror.diagnosis.result import Addition, Diagnosis, ElasticEstimate, Line, OrderShare, Residual
 from rverror.diagnosis.size_prior import WORKSHOP, SizePrior
 from rverror.geartrain.mechanism import Reducer
 from rverror.geartrain.source import Source

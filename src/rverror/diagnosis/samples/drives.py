@@ -43,11 +43,7 @@ _TRACED = ("traces", "measured", "left_out")
 
 
 def diagnose_drive(
-    model: Model,
-    runs: Sequence[Run],
-    progress: Progress | None = None,
-    *,
-    policy: Policy = POLICY,
+    model: Model, runs: Sequence[Run], progress: Progress | None = None, *, policy: Policy = POLICY
 ) -> Diagnosis:
     """Find the effect that the model of a geared drive lacks in measured runs.
 
