@@ -229,7 +229,12 @@ def test_marks_that_are_ahead_are_found() -> None:
     ahead, table = 0.04, table_of(Model(OTHER, (CAM,)), loads=SEEN, seed=8)
     head = np.array([complex(HEAD.values[0], -HEAD.values[1])] + [0.0] * (ORDERS.size - 1))
     cases = [replace(c, waves=c.waves * np.exp(1j * ORDERS * ahead) + head) for c in table.cases]
-    told = rverror.diagnose(Model(UNIT, (CAM,)), [replace(table, cases=tuple(cases), index="unknown")], policy=SOME)
+    turned = replace(table, cases=tuple(cases), index="unknown")
+    stated = Model(UNIT, (CAM, rverror.effect("sensor.index_offset", offset=f"{ahead} rad")))
+    exact = rverror.diagnose(stated, [turned], policy=SOME)
+    assert ([one.effect.key for one in exact.added], exact.model.index_offset) == ([HEAD.key], ahead)
+    assert "index unknown" not in " ".join(exact.notes)
+    told = rverror.diagnose(Model(UNIT, (CAM,)), [turned], policy=SOME)
     assert [one.effect.key for one in told.added] == [HEAD.key]
     assert told.model.index_offset == pytest.approx(ahead, abs=0.003)  # CAM's 1 arcsec or so in 0.05 of noise
     assert told.verdict == "explained"
