@@ -50,7 +50,7 @@ from rverror.views.plots.figure import can_draw
             "MADE.toml", "scatter of part errors in production, as written by `rverror lot --save`", reads=True
         ),
         **results(plot="waveforms and the residual spectrum"),
-        **save("NEW.toml", "write the declared model with the named causes added"),
+        **save("NEW.toml", "write the model with the causes found added"),
         "--jobs": number("threads that test causes (default: one for each core)", least=1),
     },
 )

@@ -22,7 +22,7 @@ _STATE = {**MODEL, "--torque": option('"20 N*m"', "output torque (default: the r
     options={
         **_STATE,
         "--angle": option('"12 deg"', "output angle (default 0 deg)", size="angle", default="0 deg"),
-        **results(plot="the shape of the lowest elastic mode, except those of the sun's support"),
+        **results(plot="the shape of the lowest elastic mode, leaving out the sun support's"),
     },
 )
 def _modes(options: argparse.Namespace) -> None:
@@ -42,7 +42,7 @@ def _modes(options: argparse.Namespace) -> None:
         "--from": option('"100 rpm"', "lowest input speed", size="angular_speed", dest="first", required=True),
         "--to": option('"1800 rpm"', "highest input speed", size="angular_speed", dest="last", required=True),
         "--count": number(f"number of speeds (default {COUNT})", least=2, default=COUNT),
-        "--by-effect": flag("with --json: also the contribution of each declared error, by order and speed"),
+        "--by-effect": flag("with --json: also the contribution of each known error, by order and speed"),
         **results(plot="the Campbell diagram and the amplitude of orders against the speed"),
     },
 )

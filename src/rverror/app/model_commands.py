@@ -47,7 +47,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--torque": option(
             '"20 N*m"', "output torque (default none); repeat it for more runs", size="torque", action="append"
         ),
-        **arm_option("a weight in place of a torque", "; the run has a column output_torque"),
+        **arm_option("a weight as the load", "; the run has a column output_torque"),
         "--method": choice(
             ("closed", "equilibrium"), "closed", "closed form (default), or equilibrium under load: contacts may open"
         ),
@@ -63,7 +63,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--orders": option('"1,39,40"', "write an order table of these orders in place of samples"),
         **output(
             "OUT.csv",
-            "run file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on",
+            "file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on, except with --orders",
         ),
     },
 )

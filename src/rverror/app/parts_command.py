@@ -29,7 +29,7 @@ from rverror.parts.unit import mounted_parts, places_in_list, unit_error, unit_o
             "ASSEMBLY.csv", "list of units that `rverror match --save` wrote, in place of --place", reads=True
         ),
         "--unit": number("number of the unit in that list"),
-        **output("OUT", "PARTS.csv, a table of parts, or UNIT.toml, the model of a unit built from them"),
+        **output("OUT", "PARTS.csv (table of parts) or UNIT.toml (model of a unit built from them)"),
     },
 )
 def _parts(options: argparse.Namespace) -> None:

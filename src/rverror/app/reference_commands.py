@@ -70,7 +70,7 @@ def _reference_cases(options: argparse.Namespace) -> None:
         ),
         **MAPPING,
         "--bench": option(
-            "MODEL.toml", "if THEIR.csv was measured: model file with [bench.encoders] of that bench", reads=True
+            "MODEL.toml", "if THEIR.csv was measured: model file with the bench's [bench.encoders]", reads=True
         ),
         **results(),
     },

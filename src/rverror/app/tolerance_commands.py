@@ -48,8 +48,8 @@ _FRONT = (0.7, 0.85, 1.0, 1.2, 1.5)  # limits of the plotted front, of the one a
 def limit_options(beside: str = "") -> dict[str, Option]:
     """Options of limits on angles; `beside` is what else ``--at`` gives there."""
     torques = (
-        "output torques for the transmission error of units under load (default with --limit: "
-        f"rated torque and 20 N*m){beside}"
+        "output torques for the transmission error of any units under load (default with --limit: "
+        f"rated and 20 N*m){beside}"
     )
     return {
         "--limit": _limit("transmission_error", "60 arcsec", "limit of the transmission (output) error, peak-to-peak"),
@@ -101,7 +101,7 @@ def _inputs(*, plot: str) -> dict[str, Option]:
     },
 )
 def _budget(options: argparse.Namespace) -> None:
-    """Distribution of the error that tolerances cause, and yield.
+    """Distribution of the error, and yield, of part tolerances.
 
     Computes the output error that part tolerances cause: their contributions and, in closed form, the peak-to-peak
     (with --limit also the yield) of many virtual units. With --arm, --lost-motion, --backlash, --stiffness or (without
