@@ -63,7 +63,7 @@ _BENCH = ("points", "revolutions", "method", "noise", "correlation", "input_coun
         "--orders": option('"1,39,40"', "write an order table of these orders in place of samples"),
         **output(
             "OUT.csv",
-            "file to write (default: standard output); several runs become OUT-forward-20Nm.csv and so on, except with --orders",
+            "file to write (default: standard output); several runs without --orders become OUT-forward-20Nm.csv, ...",
         ),
     },
 )
