@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -170,12 +170,9 @@ class SpeedResponse(Viewed):
         A peak is larger than at the speeds beside it and twice that at a crawl; at either end there is none.
         """
         size, crawl = np.abs(self.waves), np.abs(self.crawl_waves)
-        found = []
-        for at, order in enumerate(self.order):
-            row = size[:, at]
-            inner = row[1:-1]
-            tops = (inner > row[:-2]) & (inner >= row[2:]) & (inner >= CRITICAL * crawl[at])
-            found += [self._critical(top, order, row, crawl[at]) for top in (1 + np.flatnonzero(tops)).tolist()]
+        inner, order = size[1:-1], self.order
+        tops = (inner > size[:-2]) & (inner >= size[2:]) & (inner >= CRITICAL * crawl)
+        found = [self._critical(1 + top, order[at], size[:, at], crawl[at]) for at, top in np.argwhere(tops.T).tolist()]
         return tuple(sorted(found, key=lambda one: -one.amplitude))
 
     def _critical(self, top: int, order: float, row: Array, crawl: float) -> CriticalSpeed:
@@ -198,28 +195,6 @@ class SpeedResponse(Viewed):
             frequency=float(self.frequency[mode]) if tied else math.nan,
             of_sun_support=bool(tied and self.of_sun_support[mode]),
         )
-
-
-@dataclass(frozen=True)
-class InfluencesAtSpeed:
-    """Output error at one speed, and its change with errors.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (n,)
-        Nominal output angle over one period, rad.
-    transmission_error : ndarray, shape (n,)
-        rad.
-    matrices : tuple of ndarray, each of shape (parameters, n)
-        rad per core unit of each parameter of each effect.
-    speed : float
-        Of the input, rad/s.
-    """
-
-    theta: Array
-    transmission_error: Array
-    matrices: tuple[Array, ...]
-    speed: float
 
 
 def _waves(rows: Array) -> Array:
@@ -285,11 +260,8 @@ def speed_response(
     rows, direction = _speeds(input_speeds), direction_sign(direction)
     made = moving_reducer(model, torque=torque, direction=direction, fastest=float(rows.max()), kept=kept)
     moving, beyond = made.motion, added(unread(model).effects, made.where.read)
-    pulling = _pulling(moving, made.settled)
-    turns = [made.turn(float(speed)) for speed in rows]
-    motions = [(moving.response(turn), turn) for turn in turns]
+    motions = [(moving.response(turn), turn) for turn in map(made.turn, rows.tolist())]
     errors = np.array([moving.error(*one) for one in motions]) + beyond
-    pulled = [pulling(*one) for one in motions]
     return SpeedResponse(
         speed=rows,
         theta=made.theta,
@@ -298,7 +270,7 @@ def speed_response(
         period=made.period,
         frequency=made.frequency,
         of_sun_support=made.of_sun_support,
-        pulled={name: np.array([one[name] for one in pulled]) for name in ("pins", "flanks")},
+        pulled=_pulled(moving, made.settled, motions),
         reducer=made.unit,
         torque=made.torque,
         direction=direction,
@@ -314,7 +286,7 @@ def influences_at_speed(
     *,
     torque: Any | None = None,
     direction: Direction = "forward",
-) -> InfluencesAtSpeed:
+) -> tuple[Array, Array, list[Array], float]:
     """Output error of a reducer at an input speed, and how it changes with sizes of errors there.
 
     Parameters
@@ -330,7 +302,14 @@ def influences_at_speed(
 
     Returns
     -------
-    InfluencesAtSpeed
+    theta : ndarray, shape (n,)
+        Nominal output angle over one period, rad.
+    transmission_error : ndarray, shape (n,)
+        rad.
+    matrices : list of ndarray, each of shape (parameters, n)
+        rad per core unit of each parameter of each effect.
+    speed : float
+        Of the input, rad/s.
 
     Raises
     ------
@@ -347,8 +326,9 @@ def influences_at_speed(
     >>> import rverror
     >>> bench = rverror.model.Bench(load_inertia="5 kg*m^2")
     >>> cam = rverror.effect("crank.eccentricity", crank=0, disc=0, tangential="5 um")
-    >>> found = influences_at_speed(rverror.Model(rverror.reducer("RV-40E"), bench=bench), "6000 rpm", [cam])
-    >>> found.matrices[0].shape  # radial and tangential
+    >>> model = rverror.Model(rverror.reducer("RV-40E"), bench=bench)
+    >>> _, _, matrices, _ = influences_at_speed(model, "6000 rpm", [cam])
+    >>> matrices[0].shape  # radial and tangential
     (2, 4096)
     """
     rows = _speeds(speed)
@@ -364,7 +344,7 @@ def influences_at_speed(
     for effect in effects:
         units = [replace(effect, values=tuple(unit)) for unit in np.eye(len(effect.values))]
         matrices.append(np.array([next(shares)(turn) + added((one,), still) for one in units]))
-    return InfluencesAtSpeed(made.theta, nominal, tuple(matrices), own)
+    return made.theta, nominal, matrices, own
 
 
 def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) -> Array:
@@ -373,7 +353,7 @@ def _by_effect(made: MovingReducer, model: Model, rows: Array, errors: Array) ->
     parts = np.zeros((len(model.effects) + 1, *errors.shape))
     for number, effect in enumerate(model.effects):
         for value, share in zip(effect.values, shares, strict=False):
-            parts[number] += value * np.array([share(made.turn(float(speed))) for speed in rows])
+            parts[number] += value * np.array([share(turn) for turn in map(made.turn, rows.tolist())])
         if effect in moves:
             parts[number] += added((effect,), made.where.read)
     parts[-1] = errors - parts[:-1].sum(axis=0)
@@ -388,8 +368,8 @@ def _speeds(speeds: Any) -> Array:
     return rows
 
 
-def _pulling(moving: ReducedMotion, state: Settled) -> Callable[[Array, float], dict[str, float]]:
-    """Largest share of the force with which closed pins, and flanks, would have to pull in a motion at a speed."""
+def _pulled(moving: ReducedMotion, state: Settled, motions: Sequence[tuple[Array, float]]) -> dict[str, Array]:
+    """Largest share of the force with which closed pins, and flanks, would have to pull in each of some motions."""
     train, solution = moving.whole.train, state.solution
     pressed, closing = solution.pin_tangent[::_EVERY], state.contacts.pin_rows[::_EVERY]
     pins = np.zeros((*pressed.shape, train.size))  # how each contact's force follows the parts
@@ -397,18 +377,13 @@ def _pulling(moving: ReducedMotion, state: Settled) -> Callable[[Array, float], 
         first = train.place(f"disc {k}")[0]
         pins[:, k, :, first : first + 3] = np.swapaxes(closing[:, k], 1, 2) * pressed[:, k, :, None]
     flanks = (state.flank[..., None] * train.flank_rows(state))[::_EVERY]
-    n = len(pins)
-    contacts = {
-        "pins": (pins.reshape(n, -1, train.size), solution.pin_force[::_EVERY].reshape(n, -1)),
-        "flanks": (flanks, state.split(solution.row_force)[0][::_EVERY]),
-    }
-
-    def shares(moved: Array, speed: float) -> dict[str, float]:
-        pose, found = moving.pose(moved, speed, slice(None, None, _EVERY)), {}
-        for name, (rows, rest) in contacts.items():
-            force = rest + (rows @ pose.T[..., None])[..., 0]
-            pull = np.where(rest > 0, np.maximum(-force, 0.0), 0.0).sum(axis=1)
-            found[name] = float((pull / np.maximum(rest.sum(axis=1), np.finfo(float).tiny)).max())
-        return found
-
-    return shares
+    poses, n = [moving.pose(moved, speed, slice(None, None, _EVERY)) for moved, speed in motions], len(pins)
+    found = {}
+    for name, rows, rest in (
+        ("pins", pins.reshape(n, -1, train.size), solution.pin_force[::_EVERY].reshape(n, -1)),
+        ("flanks", flanks, state.split(solution.row_force)[0][::_EVERY]),
+    ):
+        forces = np.array([rest + (rows @ pose.T[..., None])[..., 0] for pose in poses])
+        pull = np.where(rest > 0, np.maximum(-forces, 0.0), 0.0).sum(axis=-1)
+        found[name] = (pull / np.maximum(rest.sum(axis=1), np.finfo(float).tiny)).max(axis=-1)
+    return found

@@ -198,8 +198,8 @@ def stack(
             raise InputError("theta: at a speed the angles are those of one period; leave them out")
         none = [Effect(key, indices, (0.0,) * len(source(key).parameters)) for key, indices in every]
         moving = influences_at_speed(model, input_speed, none, torque=torque, direction=direction)
-        angles, nominal, input_speed, rounding = moving.theta, moving.transmission_error, moving.speed, _SOLVED
-        sources = (matrix for matrix in moving.matrices)
+        angles, nominal, matrices, input_speed = moving
+        sources, rounding = (matrix for matrix in matrices), _SOLVED
     joined = {e for pair in correlations(tolerances) for e in pair}
     partner = {e: (f, fit) for pair, fit in fits(tolerances).items() for e, f in (pair, pair[::-1])}
     lever = model.mechanism.crank_radius if isinstance(model.mechanism, Reducer) else 1.0
