@@ -413,13 +413,17 @@ def moving_reducer(
     whole = loaded_motion(train, settled, where.gears.theta, 2 * math.pi * period, halfway.x)
     frequency, on_support = whole.mean_modes()
     if kept is None:
-        driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
         first = int(np.flatnonzero((frequency > 0) & ~on_support)[0])
-        kept = max(int((frequency <= REACH * driven).sum()), first + 1)
+        kept = max(int((frequency <= REACH * driven_frequency(unit, fastest)).sum()), first + 1)
     kept = max(kept, 1)
     return MovingReducer(
         unit, size, direction, period, where, whole.reduced(kept), frequency[:kept], on_support[:kept], settled, halfway
     )
+
+
+def driven_frequency(unit: Reducer, speed: float) -> float:
+    """Highest frequency that the meshes drive at an input speed, Hz."""
+    return max(fundamental_orders(unit).values()) * speed / unit.ratio / (2 * math.pi)
 
 
 def _period(effects: Sequence[Effect], unit: Reducer) -> int:

@@ -14,9 +14,8 @@ from rverror.base.directions import Direction, direction_sign
 from rverror.base.errors import InputError, renamed
 from rverror.base.quantities import row
 from rverror.base.viewed import Viewed
-from rverror.dynamics.loaded_motion import ReducedMotion, moving_reducer
+from rverror.dynamics.loaded_motion import driven_frequency, moving_reducer
 from rverror.dynamics.time_integration import periodic
-from rverror.geartrain.kinematics import fundamental_orders
 from rverror.model.effects import Model, check_model
 from rverror.model.readings import added, unread
 
@@ -146,18 +145,19 @@ def run_up(
     made = moving_reducer(model, torque=torque, direction=direction, fastest=fastest, kept=kept)
     unit, moving, forced = made.unit, made.motion, made.motion.forced
     at_stops = direction * speeds / unit.ratio
-    driven = max(fundamental_orders(unit).values()) * fastest / unit.ratio / (2 * math.pi)
     if samples is None:
-        samples = 1 + math.ceil(_SAMPLES * max(float(made.frequency.max()), driven) * float(stops[-1] - stops[0]))
+        highest = max(float(made.frequency.max()), driven_frequency(unit, fastest))
+        samples = 1 + math.ceil(_SAMPLES * highest * float(stops[-1] - stops[0]))
     if samples < 2:
         raise InputError(f"samples = {samples}: give 2 times or more")
     time = np.linspace(stops[0], stops[-1], samples)
     course = _course(stops, at_stops, smooth=smooth)
-    start, shortest = _start_state(moving, float(at_stops[0])), float(np.diff(stops).min())
+    whole, first, shortest = moving.whole, float(at_stops[0]), float(np.diff(stops).min())
+    begun = moving.response(first)  # over one period
+    start = begun[:, 0], first * slope(begun, 2 * math.pi / whole.period)[:, 0]
     moved, rate = forced.in_time(course, time, start=start, tolerance=_TOLERANCE, longest=shortest)
     theta, turn, acceleration = course(time).T
 
-    whole = moving.whole
     read, ends = whole.train.reading, [at for part in ("carrier", "load") for at in whole.train.place(part)[-1:]]
     still = read @ whole.state + added(unread(model).effects, made.where.read)
     rest = [read @ rows for _, rows in (moving.followed, moving.sped_up)]
@@ -207,9 +207,3 @@ def _course(time: Array, turn: Array, *, smooth: bool) -> Any:
     # one polynomial of all three: an integration asks for them some ten thousand times
     padded = [np.concatenate([np.zeros((len(rows[0]) - len(one), one.shape[1])), one]) for one in rows]
     return scipy.interpolate.PPoly(np.stack(padded, axis=-1), time)
-
-
-def _start_state(moving: ReducedMotion, turn: float) -> tuple[Array, Array]:
-    """Coordinates and rates at theta = 0 of the periodic motion at a speed."""
-    moved = moving.response(turn)
-    return moved[:, 0], turn * slope(moved, 2 * math.pi / moving.whole.period)[:, 0]
