@@ -58,39 +58,28 @@ def whole_inertia(reducer: Reducer) -> Inertia:
     >>> 0.5e-3 < whole.disc_mass < 1.2e-3  # a disc of a reducer of this size has a kilogram or less
     True
     """
-    return Inertia(**_estimated(reducer) | reducer.inertia.given())
-
-
-def _estimated(reducer: Reducer) -> dict[str, float]:
     width = _DISC_WIDTH * reducer.pin_circle_radius
     plate = reducer.pin_circle_radius - reducer.pin_radius
     # neither bores nor the hole meet one another or the rim, so that some disc is left in any geometry
     apart = reducer.crank_radius / 2 * math.sin(math.pi / max(reducer.cranks, 3))
     bore = min(apart, _BORE_OF_RIM * (plate - reducer.crank_radius))
     over_sun = min(reducer.sun_pitch_radius + _HOLE_OVER_SUN * reducer.module, reducer.crank_radius - bore)
-    disc, polar = _cylinder(plate, width)
-    bored, bored_polar = _cylinder(bore, width)
-    hole, hole_polar = _cylinder(over_sun, width)
-    shaft, shaft_polar = _cylinder(_SHAFT_OF_BORE * bore, (reducer.discs + 2) * width)
-    planet, planet_polar = _cylinder(reducer.planet_pitch_radius, _GEAR_WIDTH * reducer.module)
-    carrier, carrier_polar = _cylinder(plate - 2 * reducer.eccentricity, 2 * _PLATE_WIDTH * reducer.pin_circle_radius)
-    sun, sun_polar = _cylinder(reducer.sun_pitch_radius, reducer.pin_circle_radius)
-    return {
-        "carrier_mass": carrier,
-        "carrier_inertia": carrier_polar,
-        "disc_mass": disc - hole - reducer.cranks * bored,
-        "disc_inertia": polar - hole_polar - reducer.cranks * (bored_polar + bored * reducer.crank_radius**2),
-        "crank_mass": shaft + planet,
-        "crank_inertia": shaft_polar + planet_polar,
-        "sun_mass": sun,
-        "sun_inertia": sun_polar,
+    bored = reducer.cranks * _cylinder(bore, width, off=reducer.crank_radius)
+    shaft = _cylinder(_SHAFT_OF_BORE * bore, (reducer.discs + 2) * width)
+    parts = {
+        "carrier": _cylinder(plate - 2 * reducer.eccentricity, 2 * _PLATE_WIDTH * reducer.pin_circle_radius),
+        "disc": _cylinder(plate, width) - _cylinder(over_sun, width) - bored,
+        "crank": shaft + _cylinder(reducer.planet_pitch_radius, _GEAR_WIDTH * reducer.module),
+        "sun": _cylinder(reducer.sun_pitch_radius, reducer.pin_circle_radius),
     }
+    estimated = {f"{part}_{of}": own[at] for part, own in parts.items() for at, of in enumerate(("mass", "inertia"))}
+    return Inertia(**estimated | reducer.inertia.given())
 
 
-def _cylinder(radius: float, length: float) -> tuple[float, float]:
-    """Mass, and moment of inertia about the axis."""
+def _cylinder(radius: float, length: float, *, off: float = 0.0) -> Array:
+    """Mass, and moment of inertia about an axis so far off its own."""
     mass = DENSITY * math.pi * radius**2 * length
-    return mass, mass * radius**2 / 2
+    return np.array([mass, mass * radius**2 / 2 + mass * off**2])
 
 
 #: Of the largest eigenvalue: a mode below it has no frequency.  Rounding leaves some 1e-16 of it for a free motion;
@@ -268,10 +257,13 @@ class Train:
 
         A load turns with the carrier: an even torque twists its coupling by an even angle.
         """
-        made = np.zeros((len(x), self.size))
-        made[:, : x.shape[1]] = x
+        made = self._widened(x)
         made[:, list(self.place("load"))] = x[:, 2:3]
         return made
+
+    def _widened(self, rows: Array) -> Array:
+        """Rows over the floating parts, (..., unknowns), over these coordinates: 0 at those that are added."""
+        return np.pad(rows, [(0, 0)] * (rows.ndim - 1) + [(0, self.size - rows.shape[-1])])
 
     def stiffness(self, state: Settled) -> dict[str, Array]:
         """Stiffness matrix of each group of contacts and springs, (n or 1, size, size), in the housing frame.
@@ -286,23 +278,22 @@ class Train:
             pins[:, at : at + 3, at : at + 3] = blocks[:, k]
         flanks = self.flank_rows(state)
         joint, (_, own) = state.joint, state.split(where.whole_rows)
-        joints = np.zeros((*own.shape[:3], self.size))
-        joints[..., : floating.size] = own
+        joints = self._widened(own)
 
         def bearing(at: slice) -> Array:
             rows = joints[:, at]
             pressed = (joint[:, at] @ rows).reshape(n, -1, self.size)
             return np.swapaxes(rows.reshape(n, -1, self.size), 1, 2) @ pressed
 
-        made = {
+        return {
             "pin_contact": pins,
             "crank_bearing": bearing(slice(0, cams)),
             "carrier_bearing": bearing(slice(cams, cams + reducer.cranks)),
             "gear_mesh": np.swapaxes(flanks, 1, 2) @ (state.flank[..., None] * flanks),
             "sun_support": bearing(slice(cams + reducer.cranks + 1, None)),
             "main_bearing": bearing(slice(cams + reducer.cranks, cams + reducer.cranks + 1)),
+            **self.springs,
         }
-        return {**made, **self.springs}
 
     def damping(self, groups: Mapping[str, Array]) -> Array:
         """Damping matrix by contact, of the stiffness of each group: c = beta k."""
@@ -312,8 +303,7 @@ class Train:
     def flank_rows(self, state: Settled) -> Array:
         """How each flank closes with the coordinates, (n, 2 cranks, size): also with the sun's angle."""
         rows, _ = state.split(state.contacts.whole_rows)
-        made = np.zeros((*rows.shape[:2], self.size))
-        made[..., : rows.shape[2]] = rows
+        made = self._widened(rows)
         # the flank that drives forwards closes as the sun turns counter-clockwise
         lever = self.reducer.sun_pitch_radius * math.cos(self.reducer.pressure_angle)
         for at in self.sun_angle:
