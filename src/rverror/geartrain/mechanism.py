@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
+import inspect
 import math
 import sys
 import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from functools import cache, cached_property
 from pathlib import Path
@@ -395,18 +395,12 @@ class Reducer(Checked, Viewed):
                 "discs = 1 with cranks = 2: the crank linkage passes dead centres, where it can carry no torque; "
                 "use discs = 2 or cranks = 3"
             )
-        self._check_crank_circle()
-        self._check_profile()
-
-    def _check_crank_circle(self) -> None:
         inner = self.pin_circle_radius - self.pin_radius - 2 * self.eccentricity
         if self.crank_radius >= inner:
             raise ValueError(
                 f"module = {self.module:g} mm: the crank circle of {self.crank_radius:g} mm must lie inside the root "
                 f"circle of {inner:g} mm; use a smaller module or a larger pin circle"
             )
-
-    def _check_profile(self) -> None:
         if not self.short_width_coefficient < 1:
             bound = self.pin_circle_radius / self.pins
             raise ValueError(
@@ -498,7 +492,7 @@ def check_same_geometry(one: Reducer, other: Reducer) -> None:
     ValueError
         Naming the first parameter that differs.
     """
-    for item in dataclasses.fields(Reducer):
+    for item in fields(Reducer):
         given, wanted = getattr(one, item.name), getattr(other, item.name)
         if item.name not in ELASTIC and given != wanted:
             raise ValueError(
@@ -621,19 +615,12 @@ def reducer(preset: str | None = None, **overrides: Any) -> Reducer:
     >>> reducer(**stage, **discs).ratio
     91.0
     """
-    parameters = {} if preset is None else preset_parameters(preset)
-    known = [item.name for item in dataclasses.fields(Reducer)]
+    given = ({} if preset is None else preset_parameters(preset)) | overrides
+    known = inspect.signature(Reducer).parameters
     for key in overrides:
         if key not in known:
             raise ValueError(f"no reducer parameter {key!r};{did_you_mean(key, known)} they are {', '.join(known)}")
-    given = parameters | overrides
-    nowhere = dataclasses.MISSING
-    missing = [
-        item.name
-        for item in dataclasses.fields(Reducer)
-        if item.name not in given and item.default is nowhere and item.default_factory is nowhere
-    ]
-    if missing:
+    if missing := [name for name, one in known.items() if one.default is one.empty and name not in given]:
         raise InputError(
             f"reducer: no {', '.join(missing)}; give them, or name a preset beside what differs from it: "
             f"reducer({presets()[0]!r}, ...)"
