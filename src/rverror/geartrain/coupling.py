@@ -7,11 +7,11 @@ import numpy as np
 from rverror.base.arrays import Array, only, radial_and_tangential
 from rverror.geartrain.action_line import Clearance, Compliance, Contacts, ErrorVector
 from rverror.geartrain.source import (
+    AROUND,
     CRANK,
     OPENS,
     Orders,
     Source,
-    around,
     bearing_compliance_orders,
     bore_orders,
     chosen,
@@ -147,7 +147,7 @@ SOURCES = (
         "displacement of one crank bore in the carrier",
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the force on the bore does",
-        starts=around(0.17),
+        starts=AROUND,
     ),
     Source(
         BEARING_CLEARANCE, bearing_clearance, (), lengths(30, "clearance", least=0.0),
@@ -158,8 +158,7 @@ SOURCES = (
         hidden="the force on a bore is constant in the carrier, and so is its journal's place",
     ),
     Source(
-        "coupling.bearing_compliance", bearing_compliance, (or_all(CRANK),),
-        compliances(3, "compliance"),
+        "coupling.bearing_compliance", bearing_compliance, (or_all(CRANK),), compliances(3, "compliance"),
         "bearing", _with_one_disc(bearing_compliance_orders), "001, K x = F + E",
         "crank bearing in the carrier softer than nominal",
         needs=("torque",), tried=False,
@@ -171,6 +170,6 @@ SOURCES = (
         "carrier", _with_one_disc(leads("carrier")), "001, table 3", "bore circle against the carrier's axis",
         equation=r"$\delta = -C(\theta)\,(x, y)$",
         hidden="the forces on all bores cancel",
-        starts=around(0.17),
+        starts=AROUND,
     ),
 )  # fmt: skip

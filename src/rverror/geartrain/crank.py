@@ -198,9 +198,7 @@ SOURCES = (
         equation=r"$e$ along each bearing's force: $\Delta\Theta = \mp e \sum_{k,j} \lambda_{kj}$",
     ),
     Source(
-        "crank.bearing_compliance", bearing_compliance,
-        (or_all(CRANK), or_all(DISC)),
-        compliances(3, "compliance"),
+        "crank.bearing_compliance", bearing_compliance, (or_all(CRANK), or_all(DISC)), compliances(3, "compliance"),
         "bearing", bearing_compliance_orders, "001, K x = F + E", "cam bearing softer than nominal",
         needs=("torque",), starts=EITHER_WAY,
         equation=r"$\delta = -e\, f_{kj}$",

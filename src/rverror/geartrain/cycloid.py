@@ -10,6 +10,7 @@ from rverror.geartrain.feedback import feedback_factor
 from rverror.geartrain.kinematics import fundamental_orders
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
+    AROUND,
     CRANK,
     DISC,
     EITHER_WAY,
@@ -17,7 +18,6 @@ from rverror.geartrain.source import (
     IndexValue,
     Indices,
     Source,
-    around,
     axes_and_corners,
     bore_orders,
     chosen,
@@ -95,9 +95,7 @@ def pin_contacts(reducer: Reducer, eccentric: Array) -> tuple[Array, Array, Arra
     normal = reducer.eccentricity * reducer.pins * along[:, None] - pin  # towards the pitch point
     normal /= norms(normal)
     arm = dot(reducer.eccentricity * reducer.disc_lobes * across[:, None], normal)
-    point = reducer.pin_radius * normal
-    point += pin
-    point -= reducer.eccentricity * along[:, None]
+    point = reducer.pin_radius * normal + pin - reducer.eccentricity * along[:, None]
     return normal, arm, point
 
 
@@ -582,13 +580,13 @@ SOURCES = (
     Source(
         DISC_PROFILE, disc_profile, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "000, delta_31; 002, e_pd", "profile error of a disc, normal",
-        starts=around(0.17),
+        starts=AROUND,
         equation=r"$\delta = (c\cos h\psi_i + s\sin h\psi_i)\, n_i$",
     ),
     Source(
         DISC_PITCH, disc_pitch, (DISC, harmonics(1, 4)), lengths(30, "cos", "sin"),
         "disc", leads("disc"), "001; 002, e_Apd", "pitch error of a disc, tangential",
-        starts=around(0.17),
+        starts=AROUND,
         equation=r"$\delta = -(c\cos h\psi_i + s\sin h\psi_i)\, \tau_i$",
     ),
     Source(
@@ -637,8 +635,7 @@ SOURCES = (
         equation=r"$\delta = e\, n_i$",
     ),
     Source(
-        "cycloid.pin_compliance", pin_compliance, (or_all(PIN),),
-        compliances(5, "compliance"),
+        "cycloid.pin_compliance", pin_compliance, (or_all(PIN),), compliances(5, "compliance"),
         "housing", _one_pin_orders, "001, K x = F + E", "contacts of one pin, or of all, softer than nominal",
         alike_at_pins=lambda indices: indices["pin"] == "all",
         needs=("torque",), tried=False,
@@ -655,13 +652,13 @@ SOURCES = (
         "cycloid.profile_modification", profile_modification, (), lengths(50, "equidistant", "shift"),
         "disc", pin_wave_orders, "000, outlook; 002, e_rrp and e_rp",
         "profile of all discs ground off, equidistant and by shift of the tool's pin circle",
-        starts=around(0.17), in_lots=False,
+        starts=AROUND, in_lots=False,
         equation=r"$\delta = -\Delta_e\, n_i + \Delta_s\, p_i$",
     ),
     Source(
         DISC_BORE, disc_bore_position, (DISC, CRANK), lengths(30, "radial", "tangential"),
         "disc", bore_orders, "000, outlook; 001", "displacement of one crank bore in a disc",
-        starts=around(0.17),
+        starts=AROUND,
         equation=r"$\delta = e_r\, r_j + e_t\, t_j$",
     ),
 )  # fmt: skip

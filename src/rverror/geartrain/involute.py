@@ -10,10 +10,10 @@ from rverror.base.arrays import Array, only, radial_and_tangential
 from rverror.geartrain.action_line import Compliance, Contacts, ErrorVector, ErrorWaves
 from rverror.geartrain.mechanism import Mechanism, Reducer
 from rverror.geartrain.source import (
+    AROUND,
     CRANK,
     Indices,
     Source,
-    around,
     chosen,
     compliances,
     constant,
@@ -166,8 +166,7 @@ def planet_eccentricity(contacts: Contacts, *, crank: int) -> ErrorVector:
     -----
     Source 004.
     """
-    angle = contacts.turns["planet"]
-    vector = -np.stack(radial_and_tangential(angle))
+    vector = -np.stack(radial_and_tangential(contacts.turns["planet"]))
     return ErrorVector(contact="mesh", vector=vector[:, None, None], at=(only(crank),))
 
 
@@ -356,7 +355,7 @@ _MEMBER = every("member", lambda unit: ("sun", "planet"))
 SOURCES = (
     Source(
         "involute.center_distance", center_distance, (CRANK,), lengths(30, "radial", "tangential"),
-        "carrier", constant, "000, delta_11", "planet axis against its crank", starts=around(0.17),
+        "carrier", constant, "000, delta_11", "planet axis against its crank", starts=AROUND,
         equation=r"$\delta = -(e_r\, r_j + e_t\, t_j)$",
         hidden="turns with the carrier, as the line of action does",
     ),
@@ -389,8 +388,7 @@ SOURCES = (
         equation=r"$\delta = (c\cos h\chi + s\sin h\chi)\, t_j$, $\chi = \beta_j + \pi - \nu\theta$",
     ),
     Source(
-        "involute.mesh_compliance", mesh_compliance, (or_all(CRANK),),
-        compliances(5, "compliance"),
+        "involute.mesh_compliance", mesh_compliance, (or_all(CRANK),), compliances(5, "compliance"),
         "carrier", constant, "001, K x = F + E", "mesh of a planet with the sun softer than nominal",
         needs=("torque",), tried=False,
         equation=r"$\delta = -e\, f_j\, n_j$",

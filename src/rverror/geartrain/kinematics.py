@@ -160,8 +160,7 @@ def motion_direction(theta: Array) -> Array:
     moving = np.flatnonzero(step)
     if moving.size == 0:
         return np.ones_like(theta)
-    last = np.maximum.accumulate(np.where(step != 0, np.arange(step.size), -1))
-    step = step[np.where(last < 0, moving[0], last)]
+    step = step[np.maximum.accumulate(np.where(step != 0, np.arange(step.size), moving[0]))]
     return np.concatenate([step[:1], step])
 
 

@@ -264,12 +264,9 @@ class Source:
             Naming the sources that can.
         """
         if not self.applies_to(mechanism):
-            kind, can = (
-                ("[drive]", "sensor.* and shaft.*")
-                if isinstance(mechanism, Drive)
-                else ("[reducer]", "all but shaft.*")
-            )
-            raise ValueError(f"{self.key} does not act in a {kind} model; {can} do")
+            drive = isinstance(mechanism, Drive)
+            where = "[drive] model; sensor.* and shaft.* do" if drive else "[reducer] model; all but shaft.* do"
+            raise ValueError(f"{self.key} does not act in a {where}")
 
     def lacks(self, mechanism: Mechanism, run: Known) -> str:
         """Name the first of its `needs` that neither the mechanism nor a run gives; empty where it has all."""
@@ -373,18 +370,15 @@ DISC = every("disc", lambda unit: range(unit.discs), lambda mechanism, value: _o
 PIN = every("pin", lambda unit: range(unit.pins), _pins_alike)
 
 
-def around(share: float) -> tuple[tuple[float, ...], ...]:
-    """Starts of two components of one size, in six directions."""
-    angles = [2 * math.pi * way / 6 for way in range(6)]
-    return tuple((share * math.cos(angle), share * math.sin(angle)) for angle in angles)
-
-
 def axes_and_corners(share: float, count: int) -> tuple[tuple[float, ...], ...]:
     """Starts of so many components: each alone either way, and all of them in all signs."""
     axes = [tuple(sign * share * (k == at) for k in range(count)) for sign in (1.0, -1.0) for at in range(count)]
     return (*axes, *(tuple(share * sign for sign in signs) for signs in product((1.0, -1.0), repeat=count)))
 
 
+_SIXTHS = [2 * math.pi * way / 6 for way in range(6)]
+#: Starts of two components of one size, in six directions.
+AROUND = tuple((0.17 * math.cos(angle), 0.17 * math.sin(angle)) for angle in _SIXTHS)
 #: Starts of one size, of any sign and of none.
 EITHER_WAY, OPENS = ((0.2,), (-0.2,)), ((0.1,), (0.3,))
 

@@ -159,19 +159,17 @@ def shared_torques(torques: Sequence[TorqueWaves | None], share: float) -> list[
         like = (group for group in groups if np.abs(group[0](theta) - one(theta)).max() < share * one.peak)
         group = next(like, None)
         if group is None:
-            groups.append([one])
-        else:
-            group.append(one)
+            groups.append(group := [])
+        group.append(one)
     means = {id(one): _mean(group) for group in groups for one in group}
     return [None if one is None else means[id(one)] for one in torques]
 
 
 def _mean(torques: Sequence[TorqueWaves]) -> TorqueWaves:
-    cos, sin = (
-        tuple(math.fsum(sizes) / len(torques) for sizes in zip_longest(*rows, fillvalue=0.0))
-        for rows in ([one.cos for one in torques], [one.sin for one in torques])
-    )
-    return TorqueWaves(cos, sin)
+    def mean(rows: list[tuple[float, ...]]) -> tuple[float, ...]:
+        return tuple(math.fsum(sizes) / len(rows) for sizes in zip_longest(*rows, fillvalue=0.0))
+
+    return TorqueWaves(mean([one.cos for one in torques]), mean([one.sin for one in torques]))
 
 
 def fitted_torque(theta: Array, torque: Array) -> TorqueWaves:

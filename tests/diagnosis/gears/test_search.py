@@ -31,7 +31,7 @@ from rverror.diagnosis.journal import Journal
 from rverror.diagnosis.policy import POLICY
 from rverror.geartrain.action_line import Contacts
 from rverror.geartrain.kinematics import fundamental_orders
-from rverror.geartrain.source import Source, around
+from rverror.geartrain.source import AROUND, Source
 from rverror.model.catalogue import source
 from rverror.model.effects import Effect, Model
 from rverror.runs.noise import RunNoise
@@ -663,7 +663,7 @@ def written(starts: tuple[tuple[float, ...], ...]) -> Source:
 def test_of_a_new_source_that_no_linear_step_tells_starts_are_all_that_a_search_needs() -> None:
     """Its forces cancel while the discs balance: twice the error makes four times the wave, of either sign."""
     keys, found = ("coupling.bores_off_the_axis", CAM.key, PLANET.key), {}
-    for starts in ((), around(0.17)):
+    for starts in ((), AROUND):
         with rverror.model.extended(written(starts)):
             true = Effect(keys[0], {}, (-6e-3, 5e-3))
             fit = settled(Model(OTHER, (true,)), true, conditions=LIGHT)
