@@ -26,11 +26,7 @@ _WHOLE = 0.02  # by which a ratio that is read of the angles may miss a whole nu
 
 
 def compare_runs(
-    before: Sequence[Run],
-    after: Sequence[Run],
-    model: Model | None = None,
-    *,
-    progress: Progress | None = None,
+    before: Sequence[Run], after: Sequence[Run], model: Model | None = None, *, progress: Progress | None = None
 ) -> RunsCompared:
     """Tell what changed between two measurements of a unit, order by order and cause by cause.
 

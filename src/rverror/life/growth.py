@@ -106,7 +106,7 @@ def courses_of(at: Array, *, fine: bool = False) -> tuple[Course, ...]:
     array([0. , 0.5, 1. ])
     """
     count, first, end = len(at), float(at[0]), float(at[-1])
-    hinges = [float(time) for time in at[1 : count - _GROWN]]
+    hinges = at[1 : count - _GROWN].tolist()
     kinds = 1 + (count > _GROWN) + (count > _GROWN + 1)
 
     def cost(members: float) -> float:
@@ -115,18 +115,13 @@ def courses_of(at: Array, *, fine: bool = False) -> tuple[Course, ...]:
     found = [Course("step", float(time), end, 0.0, cost(count - 1)) for time in at[1:]]
     if count > _GROWN:
         found.append(Course("linear", first, end, 0.0, cost(2 if hinges else 1)))
-        starts = _between([first, *hinges])[1:] if fine else hinges
+        places = np.arange(1, len(hinges) * _BETWEEN + 1) / _BETWEEN  # 0 is the first session, 1 the first hinge
+        starts = np.interp(places, np.arange(len(hinges) + 1), [first, *hinges]).tolist() if fine else hinges
         found += [Course("linear", time, end, 0.0, cost(2 * len(hinges))) for time in starts]
     if count > _GROWN + 1:
         times = np.geomspace(*_SETTLING, _FINE if fine else _COARSE) * (end - first)
         found += [Course("settling", first, end, float(time), cost(_COARSE)) for time in times]
     return tuple(found)
-
-
-def _between(times: Sequence[float]) -> list[float]:
-    """Times, and some between each two."""
-    every = np.interp(np.arange((len(times) - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(len(times)), times)
-    return [float(time) for time in every]
 
 
 _DOUBTED = 0.01  # of units in which nothing changed, those that are given a cause at most
@@ -406,10 +401,9 @@ class GrowthSearch:
             for width in np.unique(widths):
                 chosen = np.flatnonzero(widths == width)
                 some = np.array([self.places[c] for c in chosen])
+                shared = cross[:, some]
                 own = float(wave @ wave) * gram[some[:, :, None], some[:, None, :]]
-                if len(at):
-                    shared = cross[:, some]
-                    own = own - np.einsum("knp,kl,lnq->npq", shared, inverse, shared, optimize=True)
+                own -= np.einsum("knp,kl,lnq->npq", shared, inverse, shared, optimize=True)
                 gain = _evidence(own, right[some], self.prior[some])
                 if width == 1:  # what would have to be less than nothing
                     single = some[:, 0]

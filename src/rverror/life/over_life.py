@@ -32,13 +32,7 @@ _TIMES = 120  # at which a limit is asked for, each 10 % after the last
 _SAME = 0.9  # of the noise, which is no change of it
 
 
-def trend(
-    model: Model,
-    runs: Sequence[Run],
-    *,
-    limit: Limit | None = None,
-    progress: Progress | None = None,
-) -> Trend:
+def trend(model: Model, runs: Sequence[Run], *, limit: Limit | None = None, progress: Progress | None = None) -> Trend:
     """Tell what grows and what jumped in a unit that was measured again and again.
 
     Parameters
@@ -75,7 +69,14 @@ def trend(
     if len(sessions) < 3:
         raise InputError(f"runs: {count_of(len(sessions), 'session')}; a trend takes 3 or more, two are compared")
     history = history_of(model, sessions)
-    _check_limit(limit, history)
+    if limit is not None:
+        check_kind("limit", limit, Limit, "give limit('lost_motion', '90 arcsec')")
+        if limit.quantity not in ("transmission_error", "lost_motion") or limit.value is None:
+            raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
+        if limit.quantity == "lost_motion" and not history.lost_motion:
+            raise InputError(
+                "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
+            )
     search, found = searched(model, sessions, history, tell)
     history = search.unit.history
     changed = changes_found(search, found)
@@ -85,20 +86,8 @@ def trend(
         model.mechanism.name or "reducer", unit, history.at, tuple(map(str, history.amplitudes.conditions)), changed,
         None if limit is None else remaining(search, found, made, limit),
         _quantity(history, "transmission_error", measured), lost,
-        explained - explained.mean(axis=0) + lost.mean(axis=0), _chance(search, found), history.amplitudes.notes,
+        explained - explained.mean(axis=0) + lost.mean(axis=0), _chance(found), history.amplitudes.notes,
     )  # fmt: skip
-
-
-def _check_limit(limit: Limit | None, history: History) -> None:
-    if limit is None:
-        return
-    check_kind("limit", limit, Limit, "give limit('lost_motion', '90 arcsec')")
-    if limit.quantity not in ("transmission_error", "lost_motion") or limit.value is None:
-        raise InputError(f"limit: of {limit.quantity}; runs over a life tell transmission_error and lost_motion")
-    if limit.quantity == "lost_motion" and not history.lost_motion:
-        raise InputError(
-            "limit: the runs tell no lost motion; give forward and reverse runs of a session one '# index: A'"
-        )
 
 
 def searched(
@@ -172,7 +161,7 @@ def _mixed(weight: Array, mean: Array, error: Array) -> Interval:
     return Interval(middle, float(low), float(high))
 
 
-def _chance(search: GrowthSearch, found: Fitted) -> float:
+def _chance(found: Fitted) -> float:
     """How often noise leaves as much between sessions as the causes do."""
     freedom = (len(found.left) - 1) * found.left.shape[1]
     return float(scipy.special.chdtrc(freedom, float(np.sum(found.left**2 / (1 + found.missed)))))

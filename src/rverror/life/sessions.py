@@ -156,11 +156,6 @@ class History:
         """What makes whitened rows of amplitudes, shape (d, conditions * 2 * k)."""
         return np.asarray(self.rows / np.sqrt(self.variance)[:, None])
 
-    @cached_property
-    def of_whitened(self) -> Array:
-        """What makes whitened rows of amplitudes that are whitened by their own noise."""
-        return np.asarray(self.whitening * np.sqrt(self.amplitudes.noise))
-
 
 def history_of(model: Model, sessions: Sequence[Session], fitted: Array | None = None) -> History:
     """Amplitudes and lost motions of sessions, with the noise that they tell.

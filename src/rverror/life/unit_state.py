@@ -6,7 +6,6 @@ Page ``theory/trend.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,14 +132,15 @@ def unit_state(model: Model, history: History) -> UnitState:
     sizes = np.maximum(prior * np.concatenate([random.standard_normal(len(most)), np.zeros(soft)]), least)
     mean, seen = history.values.mean(axis=0), math.sqrt(len(history.at))
     power = mean**2 + _FLOOR * (mean**2).mean()
+    of_whitened = history.whitening * np.sqrt(history.amplitudes.noise)  # makes rows of amplitudes over their own noise
 
     def solved(sizes: Array, weight: Array) -> _At | None:
         try:
             rows, influence, by_softening = simulator.linearised(sizes[:-soft], sizes[-soft:])
         except NotConvergedError:
             return None
-        slopes = np.concatenate([influence, by_softening]) @ history.of_whitened.T
-        return _At(sizes, rows, influence, (slopes * weight).T, (mean - history.of_whitened @ rows) * weight)
+        slopes = np.concatenate([influence, by_softening]) @ of_whitened.T
+        return _At(sizes, rows, influence, (slopes * weight).T, (mean - of_whitened @ rows) * weight)
 
     for share in _MISSED:
         weight = seen / np.sqrt(1 + (share * seen) ** 2 * power)
@@ -161,7 +161,9 @@ def unit_state(model: Model, history: History) -> UnitState:
                 break
         sizes = now.sizes
     assert now is not None
-    drawn = [solved(np.maximum(one, least), weight) for one in _alike(now, prior, random)]
+    root = np.linalg.cholesky(_normal(now, prior))  # others as probable have the prior's spread where nothing tells
+    alike = [now.sizes + prior * np.linalg.solve(root.T, random.standard_normal(len(prior))) for _ in range(_DRAWS)]
+    drawn = [solved(np.maximum(one, least), weight) for one in alike]
     influences = [one.influence.T / simulator.scale[:, None] for one in (now, *drawn) if one is not None]
     return UnitState(
         simulator, history, now.sizes[:-soft], now.sizes[-soft:], now.rows / simulator.scale, np.array(influences)
@@ -202,13 +204,6 @@ def _spreads(now: _At, prior: Array, parts: UnitParts, most: Array) -> Array:
     squares = np.bincount(parts.process, now.sizes[:count] ** 2)
     spread = np.sqrt(squares / np.maximum(determined, _TOLD))[parts.process]
     return np.clip(spread, _LEAST * most, most)
-
-
-def _alike(now: _At, prior: Array, random: np.random.Generator) -> Iterable[Array]:
-    """Sizes that are as probable, by the first order: the prior's spread where the sessions do not tell."""
-    root = np.linalg.cholesky(_normal(now, prior))
-    for _ in range(_DRAWS):
-        yield now.sizes + prior * np.linalg.solve(root.T, random.standard_normal(len(prior)))
 
 
 def known_to(columns: Array) -> Array:
