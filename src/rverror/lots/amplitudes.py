@@ -198,11 +198,6 @@ class UnitAmplitudes:
         """Number of orders: as many as the samples tell."""
         return _orders(self.samples)
 
-    def row(self, conditions: Sequence[Condition], count: int) -> Array:
-        """Amplitudes of orders 1 to `count` of some conditions in one vector, shape (conditions * 2 * count,)."""
-        chosen = [self.values[c].reshape(2, -1)[:, :count] for c in conditions]
-        return np.asarray(np.concatenate(chosen, axis=None), dtype=np.float64)
-
 
 def amplitudes_of(model: Model, units: Sequence[LotUnit] | Amplitudes) -> Amplitudes:
     """Amplitudes of the error that the model leaves of each unit's runs; what are amplitudes already stays.
@@ -269,7 +264,8 @@ def joined_units(read: Sequence[UnitAmplitudes], *, least: int = _LEAST, noun: s
             f"{count_of(len(whole), noun)} with a run {wanted}: it takes {least} or more; measure more {noun}s"
         )
     count = min(one.count for one in whole)
-    rows = np.array([one.row(conditions, count) for one in whole])
+    kept_orders = [[one.values[c].reshape(2, -1)[:, :count] for c in conditions] for one in whole]
+    rows = np.array(kept_orders, dtype=np.float64).reshape(len(whole), -1)
     names = sorted({name for unit in read for name in unit.labels})
     labels = {name: tuple(one.labels.get(name, "") for one in whole) for name in names}
     return Amplitudes(

@@ -129,7 +129,7 @@ def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotPart
     """
     check_path(folder)
     root = Path(folder)
-    found = _runs(root, ".csv" if mapping is None else RUN_SUFFIXES)
+    found = _runs(root, (".csv",) if mapping is None else RUN_SUFFIXES)
     table = root / TABLE
     labels = _labels(table) if table.is_file() else {}
     order = [serial for serial in labels if serial in found]
@@ -144,13 +144,12 @@ def list_units(folder: PathLike, mapping: BenchMapping | None = None) -> LotPart
     return LotPart(str(root), files, serials, tuple(filter(None, notes)), units)
 
 
-def _runs(root: Path, suffixes: str | tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+def _runs(root: Path, suffixes: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """Runs of each subfolder that has any."""
     found = {folder.name: runs for folder, runs in folders_of_runs(root, suffixes).items() if runs}
     if not found:
-        endings = ", ".join([suffixes] if isinstance(suffixes, str) else suffixes)
         raise InputError(
-            f"{root}: no subfolder holds a run ({endings}); give a folder with one subfolder for each unit"
+            f"{root}: no subfolder holds a run ({', '.join(suffixes)}); give a folder with one subfolder for each unit"
         )
     for name in (name for runs in found.values() for name in runs):
         check_name(name)

@@ -140,7 +140,7 @@ def lot(
         estimate = matching.estimate(state, again=number > 0)
         others = estimate.others or others  # a fit that begins near asks for no others
         settled, last = number > 0 or not estimate.poor, number == _ESTIMATES - 1
-        before, cleaned = cleaned, _clean(matching, values, estimate, seed, cleaned, settled=settled, last=last)
+        before, cleaned = cleaned, _clean(matching, estimate, seed, cleaned, settled=settled, last=last)
         state, same = estimate.state, cleaned.like(before)
         if same and settled and (number > 0 or np.array_equal(bounded, values)):
             cleaned = replace(cleaned, kept=before.kept)
@@ -245,14 +245,7 @@ def _shift(parts: UnitParts, source: ShiftSource, sizes: Array) -> Array:
 
 
 def _clean(
-    matching: MomentMatching,
-    values: Array,
-    estimate: LotEstimate,
-    seed: int,
-    before: _Cleaned,
-    *,
-    settled: bool,
-    last: bool,
+    matching: MomentMatching, estimate: LotEstimate, seed: int, before: _Cleaned, *, settled: bool, last: bool
 ) -> _Cleaned:
     """Find how groups differ and means change, and what is then no member: by its own equilibrium too once the estimate
     has settled and the members are the same as before, or no other estimate follows.
@@ -268,6 +261,7 @@ def _clean(
     places = np.flatnonzero(before.members)
     serials = [amplitudes.serials[place] for place in places]
     labels = {name: tuple(given[place] for place in places) for name, given in amplitudes.labels.items()}
+    values = amplitudes.values * simulator.scale
     left, alike = values.copy(), np.ones(len(values), np.bool_)
     middle = np.tile(parts.middle, (len(values), 1))  # mean errors of each unit's parts
 

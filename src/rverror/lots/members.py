@@ -137,8 +137,9 @@ def outsiders(
 
 def _along(fits: Fits, weight: Array, values: Array, members: Array) -> tuple[Array, Array, MembersTail]:
     """Chi-squares of parts as members make them, (units, candidates); the largest surprise of each unit; members'."""
-    usual = _left(fits, weight, members)[1].mean(axis=0)
-    chi, theirs = (_lessened(*_left(fits, weight, some), usual) for some in (values, members))
+    (chi, left), (theirs, usual) = (_left(fits, weight, some) for some in (values, members))
+    # over what is left, where this is more than usual: who is off all over has no one cause
+    chi, theirs = (x / np.maximum(rest / usual.mean(axis=0), 1.0) for x, rest in ((chi, left), (theirs, usual)))
     label = np.array([one.label for one in fits.candidates])
     alike = label[:, None] == label  # parameters of a part are compared with one another: one scale for all of them
     of_part = alike / (alike @ fits.freedom)
@@ -152,11 +153,6 @@ def _left(fits: Fits, weight: Array, some: Array) -> tuple[Array, Array]:
     """Chi-square of each candidate's fit to units, and of what it leaves, (units, candidates) each."""
     chi = fits.chi_squares(some @ fits.basis)
     return chi, _distances(weight, some)[:, None] - chi
-
-
-def _lessened(chi: Array, left: Array, usual: Array) -> Array:
-    """Chi-squares over those of what is left, where this is more than usual: who is off all over has no one cause."""
-    return np.asarray(chi / np.maximum(left / usual, 1.0))
 
 
 def _more(units: Array, members: Array) -> Array:

@@ -290,7 +290,8 @@ class OwnEquilibrium:
         tuple of GrossError
             With the first its mirror image, and those over which its odds are not beyond the chance.
         """
-        prior = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), self._spread)
+        spread = np.concatenate([self.state.deviation[self.simulator.parts.process], np.ones(COMPLIANCES)])
+        prior = Prior(np.concatenate([middle, np.zeros(COMPLIANCES)]), spread)
         enough, rng = chi_square(usual, len(values)), np.random.default_rng(self.seed)
         member = hopped(self._solve, values, prior, enough, rng)
         if member is None or member.distance < enough:
@@ -344,7 +345,9 @@ class OwnEquilibrium:
         """
         own, prior = self._effect == number, self._wider(number, usual)
         starts = np.zeros((len(_RADII) * _DIRECTIONS, len(own)))
-        starts[:, own] = _all_round(int(own.sum()))
+        angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        directions = np.array([np.cos(angles), np.sin(angles)]).T[:, : np.count_nonzero(own)]
+        starts[:, own] = np.concatenate([radius * directions for radius in _RADII])
         begun = [one for one in each(lambda sizes: fitted(self._solve, values, prior, sizes), list(starts)) if one]
         best = None
         for one in sorted(begun, key=lambda one: one.score)[:_FITTED]:
@@ -385,11 +388,6 @@ class OwnEquilibrium:
         return self.simulator.linearised_at(self.state, self.root)
 
     @cached_property
-    def _spread(self) -> Array:
-        """Standard deviation of each part error, core units, and of what the stiffnesses are off."""
-        return np.concatenate([self.state.deviation[self.simulator.parts.process], np.ones(COMPLIANCES)])
-
-    @cached_property
     def _gross(self) -> Array:
         """Standard deviation of an error that no process made: the largest that surprises no one."""
         plausible = [parameter.plausible for parameter in self.simulator.parts.parameters]
@@ -399,10 +397,3 @@ class OwnEquilibrium:
     def _effect(self) -> npt.NDArray[np.intp]:
         """Effect of each error, none of the stiffnesses."""
         return np.concatenate([self.simulator.parts.effect, np.full(COMPLIANCES, -1)])
-
-
-def _all_round(parameters: int) -> Array:
-    """Sizes of a part in all directions."""
-    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    directions = np.array([np.cos(angles), np.sin(angles)]).T
-    return np.concatenate([radius * directions[:, :parameters] for radius in _RADII])

@@ -5,11 +5,11 @@ Page ``theory/lots.md``.
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -82,13 +82,12 @@ class UnitParts:
     @cached_property
     def effects(self) -> tuple[Instance, ...]:
         """Each part of each process, with where its components stand among the parameters of its source."""
-        found, first = list[Instance](), 0
+        found, places = list[Instance](), itertools.count()
         for process in self.processes:
             names = [p.name for p in source(process.key).parameters]
             own = [names.index(p.name) for p in process.parameters]
             for indices in process.instances:
-                found.append(Instance(process.key, dict(indices), tuple((at, first + n) for n, at in enumerate(own))))
-                first += len(own)
+                found.append(Instance(process.key, dict(indices), tuple((at, next(places)) for at in own)))
         return tuple(found)
 
     @cached_property
@@ -179,7 +178,7 @@ def processes_of_source(entry: Source, unit: Reducer, parameters: tuple[Paramete
     list of Process
     """
     names = [index.name for index in entry.indices]
-    tried = product(*([value for value in index.tried(unit) if value != "all"] for index in entry.indices))
+    tried = itertools.product(*([value for value in index.tried(unit) if value != "all"] for index in entry.indices))
     return _by_harmonic(entry.key, [dict(zip(names, some, strict=True)) for some in tried], parameters)
 
 

@@ -150,8 +150,7 @@ def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...
 
 
 def _common(instances: Sequence[Mapping[str, IndexValue]]) -> dict[str, IndexValue]:
-    first = instances[0]
-    return {name: value for name, value in first.items() if all(one[name] == value for one in instances)}
+    return {name: value for name, value in instances[0].items() if all(one[name] == value for one in instances)}
 
 
 class ShiftEffect(NamedTuple):
