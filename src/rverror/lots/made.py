@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -369,13 +369,9 @@ def _processes(question: Question, estimate: LotEstimate, means: Sequence[Shift]
 
 def _not_shown(process: Process) -> MadeBy:
     """A process of which a lot tells nothing."""
-    return MadeBy(
-        key=process.key,
-        indices=process.indices,
-        parameters=tuple(parameter.name for parameter in process.parameters),
-        dimension=process.parameters[0].dimension,
-        tolerance="" if process.tolerance is None else process.tolerance.label,
-    )
+    names = tuple(parameter.name for parameter in process.parameters)
+    tolerance = "" if process.tolerance is None else process.tolerance.label
+    return MadeBy(process.key, process.indices, names, process.parameters[0].dimension, tolerance=tolerance)
 
 
 def _capability(process: Process, deviation: float, means: Sequence[Shift]) -> tuple[float | None, float | None]:
@@ -447,10 +443,11 @@ def _predicted(
     angles = waves.shape[-1]
     common = few.waves(lifted[None] / simulator.scale, angles)[0]
     to_come = np.sort(np.ptp(waves + common, axis=2), axis=0)
-    within = [
-        np.quantile(np.ptp(few.waves((values + lifted) / simulator.scale, angles), axis=2), _SHARE, axis=0)
-        for values in _within_errors(estimate, rng)
-    ]
+    draws, state, within = estimate.draws, estimate.state, list[Array]()
+    for other in estimate.states_within(_SETS, rng):  # the drawn units there, by their own changes
+        units = draws.values + np.tensordot(other.deviation - state.deviation, draws.by_process, (0, 1))
+        units = units + np.tensordot(other.compliance - state.compliance, draws.by_compliance, (0, 1)) + lifted
+        within.append(np.quantile(np.ptp(few.waves(units / simulator.scale, angles), axis=2), _SHARE, axis=0))
     spread = np.std(within, axis=0, ddof=1) / np.mean(within, axis=0)
     rows, known = amplitudes.values[cleaned.kept], np.isin(amplitudes.orders, few.orders)
     rows[:, np.tile(known, 2 * len(amplitudes.conditions))] = cleaned.values[cleaned.kept] / simulator.scale
@@ -469,14 +466,3 @@ def _predicted(
 
 _SHARE = 0.95  # of the units, below whose quantile they are
 _SIDE = math.sqrt(_PREDICTED * _SHARE * (1 - _SHARE))  # places that the quantile of so many is off
-
-
-def _within_errors(estimate: LotEstimate, rng: np.random.Generator) -> Iterator[Array]:
-    """Amplitudes of the drawn units in states that the lot does not tell from the estimate, by their own changes."""
-    draws, state = estimate.draws, estimate.state
-    for other in estimate.states_within(_SETS, rng):
-        yield (
-            draws.values
-            + np.tensordot(other.deviation - state.deviation, draws.by_process, (0, 1))
-            + np.tensordot(other.compliance - state.compliance, draws.by_compliance, (0, 1))
-        )
