@@ -125,32 +125,27 @@ def _sources(influence: Array, parts: UnitParts, effects: Sequence[int]) -> list
     parameters = [parts.parameters[place] for place in places[0]]
     columns = influence[:, places].sum(axis=1)
     shown = np.flatnonzero(np.linalg.norm(columns, axis=0) * parts.plausible[places[0, 0]] > _SILENT).tolist()
-    found = []
-    for some in (*([k] for k in shown), *([shown] if len(shown) > 1 else [])):
-        names = tuple(parameters[k].name for k in some)
-        key, common = parts.effects[effects[0]].key, _common([parts.effects[number].indices for number in effects])
-        found.append(ShiftSource(key, common, names, parameters[0].dimension, columns[:, some]))
-    return found
+    every = [parts.effects[number] for number in effects]
+    common = {name: at for name, at in every[0].indices.items() if all(one.indices[name] == at for one in every)}
+    key, dimension = every[0].key, parameters[0].dimension
+    return [
+        ShiftSource(key, common, tuple(parameters[k].name for k in some), dimension, columns[:, some])
+        for some in (*([k] for k in shown), *([shown] if len(shown) > 1 else []))
+    ]
 
 
 def _alike(instances: Sequence[Mapping[str, IndexValue]]) -> list[tuple[int, ...]]:
     """Sets of instances that share what some of their indices are, each set once; all together first."""
-    everyone = tuple(range(len(instances)))
-    if len(instances) > _INSTANCES:
-        return [everyone]
     names = [name for name in instances[0] if name != "harmonic"]
-    found = {everyone: None}
-    for count in range(1, len(names) + 1):
+    most = len(names) if len(instances) <= _INSTANCES else 0  # indices that are asked for: without any all are alike
+    found = dict[tuple[int, ...], None]()
+    for count in range(most + 1):
         for chosen in combinations(names, count):
             sets = dict[tuple[IndexValue, ...], list[int]]()
             for number, one in enumerate(instances):
                 sets.setdefault(tuple(one[name] for name in chosen), []).append(number)
             found.update({tuple(some): None for some in sets.values()})
     return list(found)
-
-
-def _common(instances: Sequence[Mapping[str, IndexValue]]) -> dict[str, IndexValue]:
-    return {name: value for name, value in instances[0].items() if all(one[name] == value for one in instances)}
 
 
 class ShiftEffect(NamedTuple):
