@@ -174,12 +174,12 @@ def test_where_nothing_is_missing_the_marks_alone_are_found() -> None:
 def test_marks_that_are_declared_exactly_stay_there() -> None:
     """0.371 rad is none of the angles at which free marks begin."""
     stated = Model(UNIT, (CAM,)).with_effects(rverror.effect("sensor.index_offset", offset="0.371 rad"))
-    for index in ("", "unknown"):
-        runs = [replace(run, index=index) for run in runs_of(Model(OTHER, (CAM,)), marks=0.371)]
-        found = rverror.diagnose(stated, runs, policy=replace(POLICY, keys=(PIN.key,)))
-        assert (found.verdict, found.model.index_offset) == ("nothing_missing", 0.371)
-        assert found.before_refitted.rms < 1.1 * 0.3 * ARCSEC
-        assert not any("index unknown" in note for note in found.notes)
+    found = rverror.diagnose(
+        stated, runs_of(Model(OTHER, (CAM,)), marks=0.371), policy=replace(POLICY, keys=(PIN.key,))
+    )
+    assert (found.verdict, found.model.index_offset) == ("nothing_missing", 0.371)
+    assert found.before_refitted.rms < 1.1 * 0.3 * ARCSEC
+    assert not any("index unknown" in note for note in found.notes)
 
 
 def test_where_the_marks_are_is_found_with_the_rest(unmarked: Diagnosis) -> None:
