@@ -19,7 +19,7 @@ from rverror.app.command_line import main
 from rverror.base.arrays import slope
 from rverror.base.units import ARCSEC
 from rverror.dynamics import modes, speed_response
-from rverror.dynamics.loaded_motion import LoadedMotion, loaded_motion
+from rverror.dynamics.loaded_motion import LoadedMotion, driven_frequency, loaded_motion
 from rverror.dynamics.train import Train
 from rverror.geartrain import Inertia, Stiffness
 from rverror.geartrain.contacts import pose
@@ -487,3 +487,9 @@ def test_spans_that_are_none_are_refused(
     rverror.save_model(tmp_path / "m.toml", Model(UNIT))
     assert main(["speeds", str(tmp_path / "m.toml"), *options]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_meshes_drive_at_most_their_highest_order_at_the_output_s_speed() -> None:
+    """6000 rpm of an RV-40E are 100 / 121 turns of the output a second, its cycloid mesh 1560 waves a turn."""
+    driven = driven_frequency(rverror.reducer("RV-40E"), 200 * math.pi)
+    assert driven == pytest.approx(1560 * 100 / 121)

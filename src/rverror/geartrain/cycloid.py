@@ -119,9 +119,9 @@ def trochoid_curvature(reducer: Reducer, roll_angle: Array) -> Array:
     -----
     In none of the sources; from z' and z'' of z = (R_p - a e^{i phi}) e^{i phi / z_c}.
     """
-    K, z, cosine = reducer.short_width_coefficient, reducer.pins, np.cos(roll_angle)
-    squared = 1 + K**2 - 2 * K * cosine
-    return np.asarray((1 + z * K**2 - K * (z + 1) * cosine) / (reducer.pin_circle_radius * squared * np.sqrt(squared)))
+    K, z, distance = reducer.short_width_coefficient, reducer.pins, pitch_distance(reducer, roll_angle)
+    bend = 1 + z * K**2 - K * (z + 1) * np.cos(roll_angle)
+    return np.asarray(bend / (reducer.pin_circle_radius * distance * distance * distance))
 
 
 def profile(reducer: Reducer, roll_angle: Array) -> Array:
